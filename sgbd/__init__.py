@@ -1,0 +1,1 @@
+"""Zero-shot instance segmentation of cluttered RGB-D scenes on superpixel graphs."""

@@ -1,0 +1,172 @@
+"""The one input type of the package: an RGB-D frame, validated once, on construction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+BACKGROUND = 0
+"""Truth id of pixels that belong to nothing of interest."""
+SUPPORT = 1
+"""Truth id of the supporting surface (table, floor). Larger ids are objects."""
+IGNORE = -1
+"""Truth id of pixels that count neither for training nor for evaluation."""
+
+MILLIMETRES = 0.001
+
+
+class FrameError(ValueError):
+    """A frame that cannot be segmented; the message says what was given, what is expected and what to do."""
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """A pinhole camera without distortion.
+
+    Attributes:
+        fx: Focal length along x, pixels.
+        fy: Focal length along y, pixels.
+        cx: Principal point along x, pixels from the centre of the left-most column.
+        cy: Principal point along y, pixels from the centre of the top row.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    def __post_init__(self) -> None:
+        """Reject cameras that cannot project.
+
+        Raises:
+            FrameError: If a focal length is not positive or a value is not finite.
+        """
+        if not np.isfinite([self.fx, self.fy, self.cx, self.cy]).all() or self.fx <= 0 or self.fy <= 0:
+            raise FrameError(f"intrinsics must be finite, in pixels, with fx > 0 and fy > 0; got {self}")
+
+    @classmethod
+    def default(cls, width: int, height: int) -> Intrinsics:
+        """Return a typical RGB-D camera (59° horizontal field of view) for frames without calibration."""
+        focal = 0.89 * width
+        return cls(focal, focal, (width - 1) / 2, (height - 1) / 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One RGB-D image, with ground truth where there is any.
+
+    Attributes:
+        rgb: uint8 [H, W, 3], 0 to 255.
+        depth: float32 [H, W], metres along the optical axis; 0 = missing. On construction, unsigned integers are
+            taken as millimetres and floats as metres, and NaN, infinite and negative values become 0.
+        intrinsics: The camera, if it is known.
+        instances: int32 [H, W]: -1 ignore, 0 background, 1 supporting surface, 2 and more objects.
+        categories: Category name of each instance id.
+        name: What to call the frame in reports and file names.
+
+    Raises:
+        FrameError: On construction, if the arrays cannot be read as such a frame.
+    """
+
+    rgb: npt.NDArray[np.uint8]
+    depth: npt.NDArray[np.float32]
+    intrinsics: Intrinsics | None = None
+    instances: npt.NDArray[np.int32] | None = None
+    categories: Mapping[int, str] = field(default_factory=dict)
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the arrays and bring them to the documented dtypes."""
+        label = f"frame {self.name!r}" if self.name else "frame"
+        object.__setattr__(self, "rgb", _checked_rgb(self.rgb, label))
+        object.__setattr__(self, "depth", _checked_depth(self.depth, self.rgb.shape[:2], label))
+        if self.instances is not None:
+            object.__setattr__(self, "instances", _checked_instances(self.instances, self.rgb.shape[:2], label))
+        unknown = [key for key in self.categories if not isinstance(key, (int, np.integer))]
+        if unknown:
+            raise FrameError(f"{label}: categories must map integer instance ids to names; got the keys {unknown[:5]}")
+
+    @property
+    def height(self) -> int:
+        """Rows of the frame, pixels."""
+        return int(self.rgb.shape[0])
+
+    @property
+    def width(self) -> int:
+        """Columns of the frame, pixels."""
+        return int(self.rgb.shape[1])
+
+    @property
+    def camera(self) -> Intrinsics:
+        """The intrinsics, or `Intrinsics.default` where they are unknown."""
+        return self.intrinsics or Intrinsics.default(self.width, self.height)
+
+
+def _checked_rgb(rgb: npt.ArrayLike, label: str) -> npt.NDArray[np.uint8]:
+    array = np.asarray(rgb)
+    if array.ndim != 3 or array.shape[2] != 3:
+        raise FrameError(
+            f"{label}: rgb must be uint8 [H, W, 3]; got shape {array.shape}. "
+            "Drop an alpha channel with rgb[..., :3]; repeat a grey image three times."
+        )
+    if array.dtype != np.uint8:
+        raise FrameError(
+            f"{label}: rgb must be uint8 with values 0 to 255; got {array.dtype}. Convert colours of 0 to 1 with "
+            "(rgb * 255).round().astype(numpy.uint8)."
+        )
+    if array.shape[0] == 0 or array.shape[1] == 0:
+        raise FrameError(f"{label}: rgb holds no pixels (shape {array.shape})")
+    return np.ascontiguousarray(array)
+
+
+def _checked_depth(depth: npt.ArrayLike, shape: tuple[int, ...], label: str) -> npt.NDArray[np.float32]:
+    array = np.asarray(depth)
+    if array.ndim != 2:
+        raise FrameError(
+            f"{label}: depth must be [H, W], one distance a pixel; got shape {array.shape}. "
+            "A three-channel image is a picture of the depth, not the depth: export the raw sensor values."
+        )
+    if array.shape != shape:
+        raise FrameError(
+            f"{label}: rgb is {shape[1]}x{shape[0]} and depth {array.shape[1]}x{array.shape[0]} pixels; both must be "
+            "of one size and registered to each other. Align the depth to the colour camera first."
+        )
+    if array.dtype == np.uint8 or array.dtype == np.bool_:
+        raise FrameError(
+            f"{label}: depth has 8 bits a pixel, too few for distances. Give uint16 millimetres or float metres."
+        )
+    if np.issubdtype(array.dtype, np.integer):
+        metres = array.astype(np.float32) * np.float32(MILLIMETRES)
+    elif np.issubdtype(array.dtype, np.floating):
+        metres = array.astype(np.float32)
+    else:
+        raise FrameError(f"{label}: depth must be uint16 millimetres or float metres; got {array.dtype}")
+    valid = np.isfinite(metres) & (metres > 0)
+    if not valid.any():
+        raise FrameError(
+            f"{label}: every depth value is missing (0, negative, NaN or infinite). "
+            "Check the sensor stream and the unit: floats are metres, integers millimetres."
+        )
+    nearest = float(np.median(metres[valid]))
+    if nearest > 100:
+        raise FrameError(
+            f"{label}: the median depth is {nearest:.0f} m. Floats are taken as metres: divide millimetres by 1000."
+        )
+    return np.ascontiguousarray(np.where(valid, metres, np.float32(0)))
+
+
+def _checked_instances(instances: npt.ArrayLike, shape: tuple[int, ...], label: str) -> npt.NDArray[np.int32]:
+    array = np.asarray(instances)
+    if array.shape != shape:
+        raise FrameError(f"{label}: instances must be [H, W] = {shape}, like rgb; got shape {array.shape}")
+    if not np.issubdtype(array.dtype, np.integer):
+        raise FrameError(f"{label}: instances must be integer ids; got {array.dtype}")
+    if array.size and int(array.min()) < IGNORE:
+        raise FrameError(
+            f"{label}: instances must be -1 (ignore), 0 (background), 1 (supporting surface) or an object's id from 2; "
+            f"got {int(array.min())}"
+        )
+    return np.ascontiguousarray(array.astype(np.int32))
