@@ -1,0 +1,66 @@
+"""Compilation of the loops over pixels, superpixels and edges.
+
+The functions that NumPy can't express without temporary arrays are written as plain loops and decorated with
+`compiled`. With Numba they become machine code that releases the interpreter lock; without it the same source runs
+as Python, slowly but with the same result.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Any, TypeVar, overload
+
+try:
+    import numba
+except ImportError:
+    numba = None
+
+logger = logging.getLogger(__name__)
+
+HAS_NUMBA: bool = numba is not None
+"""Whether decorated functions run as machine code."""
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+if not HAS_NUMBA:
+    logger.warning(
+        "numba is not installed: the loops over pixels and edges run as plain Python, which is many times slower. "
+        "Install it with 'pip install numba'."
+    )
+
+
+@overload
+def compiled(function: Function, /) -> Function: ...
+@overload
+def compiled(**options: Any) -> Callable[[Function], Function]: ...
+def compiled(function: Function | None = None, /, **options: Any) -> Function | Callable[[Function], Function]:
+    """Compile a function on its first call, and keep the machine code on disk for later processes.
+
+    Use it bare (``@compiled``) or with options of `numba.njit` (``@compiled(fastmath=True)``). The code is kept where
+    Numba can write: beside the source, else in the user's cache folder (``NUMBA_CACHE_DIR`` names another). Where no
+    folder can be written, as in a read-only container, the function is compiled once a process.
+
+    Args:
+        function: a function of arrays and numbers in the part of Python that Numba understands.
+        **options: further options of `numba.njit`; ``cache`` and ``nogil`` are on unless given.
+
+    Returns:
+        The compiled function, or `function` itself where Numba is missing.
+    """
+    if function is None:
+        return lambda decorated: _compile(decorated, options)
+    return _compile(function, options)
+
+
+def _compile(function: Function, options: dict[str, Any]) -> Function:
+    if numba is None:
+        return function
+    options = {"cache": True, "nogil": True, **options}
+    try:
+        return numba.njit(**options)(function)
+    except RuntimeError as error:  # raised by Numba when it finds no folder to keep the code in
+        if not options["cache"] or "cannot cache function" not in str(error):
+            raise
+        logger.info("no writable folder for compiled code: %s is compiled in every process", function.__qualname__)
+        return numba.njit(**{**options, "cache": False})(function)
