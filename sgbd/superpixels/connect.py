@@ -1,0 +1,88 @@
+"""Turning any label map into superpixels: connected regions that are not too small."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from skimage.measure import label
+
+from sgbd.adjacency import LabelMap, border_lengths
+
+
+def intersect(first: npt.NDArray[np.integer], second: npt.NDArray[np.integer]) -> LabelMap:
+    """Combine two over-segmentations: pixels stay together that are together in both.
+
+    Args:
+        first: int [H, W], ids from 0.
+        second: int [H, W], ids from 0.
+
+    Returns:
+        int32 [H, W], ids from 0, not contiguous and not necessarily connected.
+    """
+    width = int(second.max(initial=0)) + 1
+    return (first.astype(np.int32) * np.int32(width) + second.astype(np.int32)).astype(np.int32)
+
+
+def connected_regions(labels: npt.NDArray[np.integer]) -> LabelMap:
+    """Give every 4-connected region of equal labels an id of its own.
+
+    Args:
+        labels: int [H, W], any ids >= 0.
+
+    Returns:
+        int32 [H, W], ids 0..N-1 in raster order of each region's first pixel.
+    """
+    return (label(labels, background=-1, connectivity=1) - 1).astype(np.int32)
+
+
+def merge_fragments(label_map: LabelMap, min_size: int) -> LabelMap:
+    """Merge every region under `min_size` pixels into the neighbour with which it shares the longest border.
+
+    Ties go to the larger neighbour, then to the smaller id. Regions that grow together out of fragments alone are
+    looked at again, until no fragment is left or one region covers the image.
+
+    Args:
+        label_map: int32 [H, W], ids 0..N-1, each one 4-connected region.
+        min_size: Pixels a region needs to stay.
+
+    Returns:
+        int32 [H, W] of the same form.
+    """
+    while True:
+        sizes = np.bincount(label_map.ravel())
+        small = sizes < min_size
+        if not small.any() or len(sizes) == 1:
+            return label_map
+        pairs, lengths = border_lengths(label_map)
+        source = np.concatenate([pairs[0], pairs[1]])
+        target = np.concatenate([pairs[1], pairs[0]])
+        length = np.concatenate([lengths, lengths])
+        candidate = small[source]
+        source, target, length = source[candidate], target[candidate], length[candidate]
+        order = np.lexsort((target, -sizes[target], -length, source))
+        source, target = source[order], target[order]
+        chosen = np.ones(len(source), bool)
+        chosen[1:] = source[1:] != source[:-1]
+        merges = coo_array((np.ones(int(chosen.sum())), (source[chosen], target[chosen])), shape=(len(sizes),) * 2)
+        _, group = connected_components(merges, directed=False)
+        label_map = renumber(group[label_map])
+
+
+def renumber(labels: npt.NDArray[np.integer]) -> LabelMap:
+    """Number ids 0..N-1 in the raster order of their first pixel.
+
+    Args:
+        labels: int [H, W], any ids >= 0.
+
+    Returns:
+        int32 [H, W].
+    """
+    flat = labels.ravel()
+    first = np.full(int(flat.max(initial=-1)) + 1, flat.size)
+    # Written back to front, so that the first pixel of every id is what stays.
+    first[flat[::-1]] = np.arange(flat.size - 1, -1, -1)
+    new = np.empty(len(first), np.int32)
+    new[np.argsort(first, kind="stable")] = np.arange(len(first), dtype=np.int32)
+    return new[labels]
