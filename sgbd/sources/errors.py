@@ -1,0 +1,46 @@
+"""What goes wrong between a folder on disk and a frame."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sgbd.frame import FrameError
+
+
+class DatasetNotFoundError(FileNotFoundError):
+    """A dataset folder that does not hold what its reader expects.
+
+    Args:
+        root: Folder that was given.
+        missing: What was looked for and not found there.
+        layout: The folder layout that the reader expects.
+        remedy: How to get or make the data.
+    """
+
+    def __init__(self, root: str | Path, missing: str, layout: str, remedy: str) -> None:
+        self.root = Path(root)
+        self.missing = missing
+        self.layout = layout
+        self.remedy = remedy
+        super().__init__(root, missing, layout, remedy)
+
+    def __str__(self) -> str:
+        layout = "\n".join(f"    {line}" for line in self.layout.strip().splitlines())
+        return f"no dataset in {self.root}: {self.missing}\n  Expected layout:\n{layout}\n  {self.remedy}"
+
+
+class FrameReadError(FrameError):
+    """A file of a frame that cannot be read as what it should be.
+
+    Args:
+        path: The file.
+        reason: What is wrong with it and, where that is known, what to do.
+    """
+
+    def __init__(self, path: str | Path, reason: str) -> None:
+        self.path = Path(path)
+        self.reason = reason
+        super().__init__(path, reason)
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.reason}"
