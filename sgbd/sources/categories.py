@@ -74,7 +74,11 @@ TODZ_SEEN: frozenset[str] = frozenset(
         "washer",
     }
 )
-"""The 12 categories that TOD-Z trains on (Örnek et al., SupeRGB-D, IEEE RA-L 8(6), 2023, doi:10.1109/LRA.2023.3271527)."""
+"""The 12 categories that TOD-Z trains on.
+
+E. P. Örnek et al., "SupeRGB-D: Zero-shot instance segmentation in cluttered indoor environments", IEEE Robotics and
+Automation Letters 8(6), 2023, doi:10.1109/LRA.2023.3271527.
+"""
 
 TODZ_UNSEEN: frozenset[str] = frozenset(TOD_CATEGORIES) - TODZ_SEEN
 """The 13 categories that only TOD-Z's test frames hold."""

@@ -84,10 +84,14 @@ class FrameSource(ABC):
         digest = hashlib.sha256()
         header = [type(self).__name__, self.split, list(self.category_names), sorted(self.seen), self.options()]
         digest.update(json.dumps(header, sort_keys=True).encode())
-        for index, name in enumerate(self.names):
-            stats = [_size_and_time(path) for path in self.files(index)]
+        for name, files in self._fingerprinted():
+            stats = [_size_and_time(path) for path in files]
             digest.update(json.dumps([name, stats]).encode())
         return digest.hexdigest()
+
+    def _fingerprinted(self) -> Iterator[tuple[str, tuple[Path, ...]]]:
+        """Yield name and files of what a fingerprint covers, by default all frames."""
+        return ((name, self.files(index)) for index, name in enumerate(self.names))
 
     def plot(self, index: int) -> Figure:
         """Draw one frame: colours, depth and, where there is one, the ground truth.

@@ -1,0 +1,218 @@
+"""A plain folder of one's own frames."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from sgbd.frame import MILLIMETRES, Frame, FrameError, Intrinsics
+from sgbd.sources.camera import intrinsics_from
+from sgbd.sources.errors import DatasetNotFoundError, FrameReadError
+from sgbd.sources.image import IMAGE_SUFFIXES, read_depth, read_labels, read_rgb
+from sgbd.sources.label_rule import MOSD, LabelRule, detect_label_rule
+from sgbd.sources.source import FrameSource
+
+log = logging.getLogger(__name__)
+
+SPLITS = ("train", "val", "test")
+KINDS = ("rgb", "depth", "labels")
+
+_DETECTION_FRAMES = 32
+_KIND_FILE = re.compile(rf"(?P<name>.+)_(?P<kind>{'|'.join(KINDS)})")
+
+
+class _Files(NamedTuple):
+    name: str
+    rgb: Path
+    depth: Path
+    labels: Path | None
+
+
+class Folder(FrameSource):
+    """RGB-D frames in a folder, with label images where there are any.
+
+    A frame is a triple `NAME_rgb.png`, `NAME_depth.png`, `NAME_labels.png`, or three files of one name in the
+    subfolders `rgb`, `depth` and `labels`. Colours may be PNG or JPEG; labels may lack. Subfolders `train`, `val` and
+    `test`, if there are any, are the splits; otherwise all frames are the test split.
+
+    Files are first looked for when `names`, `splits` or a frame is asked for.
+
+    Args:
+        root: The folder.
+        split: "train", "val" or "test".
+        labels: What the numbers in label images mean; "auto" tells plain ones (0 background, 1 support, 2 and more
+            objects) from those of mOSD by the first frames and logs which it took.
+        intrinsics: Camera of all frames; None if it is unknown.
+        depth_scale: Metres of one unit of the depth images.
+
+    Raises:
+        ValueError: If the split is none of the three, or `labels` is neither a rule nor "auto".
+        FrameError: If `intrinsics` are no camera.
+    """
+
+    layout = """
+root/
+    NAME_rgb.png      8-bit colours, PNG or JPEG
+    NAME_depth.png    uint16, millimetres unless depth_scale says otherwise, 0 = missing
+    NAME_labels.png   one integer id a pixel   (optional)
+or the same three files as root/rgb/NAME.png, root/depth/NAME.png, root/labels/NAME.png;
+root may hold train/, val/ and test/, each of this layout.
+"""
+    remedy = "Give the folder of your frames as dataset.root, or use the embedded synthetic set: dataset=tabletop."
+
+    def __init__(
+        self,
+        root: str | Path,
+        split: str = "test",
+        labels: LabelRule | str = "auto",
+        intrinsics: Intrinsics | Mapping[str, Any] | None = None,
+        depth_scale: float = MILLIMETRES,
+    ) -> None:
+        if split not in SPLITS:
+            raise ValueError(f"no split {split!r}; choose from {', '.join(SPLITS)}")
+        if labels != "auto" and not isinstance(labels, LabelRule):
+            raise ValueError(f"labels must be 'auto' or a LabelRule; got {labels!r}")
+        if not depth_scale > 0:
+            raise ValueError(f"depth_scale must be positive, in metres a unit; got {depth_scale}")
+        self.root = Path(root).expanduser()
+        self.split = split
+        self.intrinsics = intrinsics_from(intrinsics)
+        self.depth_scale = depth_scale
+        self._labels = labels
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """NAME of each frame, sorted."""
+        return self._names
+
+    @property
+    def splits(self) -> tuple[str, ...]:
+        """The subfolders train, val and test that exist; only "test" if none does."""
+        return tuple(split for split in SPLITS if (self.root / split).is_dir()) or ("test",)
+
+    @cached_property
+    def label_rule(self) -> LabelRule:
+        """The rule that label images are read with."""
+        if isinstance(self._labels, LabelRule):
+            return self._labels
+        labelled = [frame for frame in self._frames if frame.labels is not None]
+        # Evenly spaced, so that a change of scene does not hide what other frames look like.
+        step = max(1, -(-len(labelled) // _DETECTION_FRAMES))
+        rule = detect_label_rule(
+            pair for frame in labelled[::step] if (pair := _labels_and_depth(frame, self.depth_scale)) is not None
+        )
+        if labelled:
+            log.info(
+                "%s: labels are read as %s (%s); the dataset's `labels` option overrides it",
+                self.root,
+                rule,
+                "recognised as mOSD's; dataset=mosd also sets its camera" if rule == MOSD else "the plain rule",
+            )
+        return rule
+
+    def files(self, index: int) -> tuple[Path, ...]:
+        """Return colour, depth and, if there is one, label image of a frame."""
+        _, *paths = self._frames[index]
+        return tuple(path for path in paths if path is not None)
+
+    def options(self) -> Mapping[str, Any]:
+        """Return the options that change what is read."""
+        camera = self.intrinsics
+        return {
+            "labels": repr(self.label_rule),
+            "intrinsics": camera and [camera.fx, camera.fy, camera.cx, camera.cy],
+            "depth_scale": self.depth_scale,
+        }
+
+    def read(self, index: int) -> Frame:
+        """Read one frame.
+
+        Raises:
+            FrameReadError: If a file is missing, damaged, not what it should be, or has a label without a meaning.
+            FrameError: If the images differ in size or hold no depth.
+        """
+        frame = self._frames[index]
+        instances = None
+        if frame.labels is not None:
+            labels = read_labels(frame.labels)
+            try:
+                instances = self.label_rule(labels)
+            except FrameError as error:
+                raise FrameReadError(frame.labels, str(error)) from error
+        return Frame(
+            rgb=read_rgb(frame.rgb),
+            depth=read_depth(frame.depth, self.depth_scale),
+            intrinsics=self.intrinsics,
+            instances=instances,
+            name=frame.name,
+        )
+
+    def _not_found(self, missing: str) -> DatasetNotFoundError:
+        return DatasetNotFoundError(self.root, missing, self.layout, self.remedy)
+
+    @cached_property
+    def _frames(self) -> tuple[_Files, ...]:
+        if not self.root.is_dir():
+            raise self._not_found("the folder does not exist")
+        if self.split not in self.splits:
+            raise self._not_found(f"there is no split {self.split!r}, only {', '.join(self.splits)}")
+        subfolder = self.root / self.split
+        folder = subfolder if subfolder.is_dir() else self.root
+        found = _images(folder)
+        if not found["rgb"]:
+            raise self._not_found(f"there is no colour image in {folder}")
+        without_depth = [name for name in found["rgb"] if name not in found["depth"]]
+        if len(without_depth) == len(found["rgb"]):
+            raise self._not_found(f"none of the {len(without_depth)} colour images in {folder} has a depth image")
+        # One missing depth image is that frame's error: reading it says so, and the rest can be used.
+        return tuple(
+            _Files(name, rgb, found["depth"].get(name, _depth_path(rgb)), found["labels"].get(name))
+            for name, rgb in sorted(found["rgb"].items())
+        )
+
+    @cached_property
+    def _names(self) -> tuple[str, ...]:
+        return tuple(frame.name for frame in self._frames)
+
+
+def _images(folder: Path) -> dict[str, dict[str, Path]]:
+    """Return the files of each kind by the name of their frame."""
+    found: dict[str, dict[str, Path]] = {kind: {} for kind in KINDS}
+    in_subfolders = (folder / "rgb").is_dir() and (folder / "depth").is_dir()
+    if in_subfolders:
+        files = [(kind, path.stem, path) for kind in KINDS for path in _image_files(folder / kind)]
+    else:
+        matches = ((_KIND_FILE.fullmatch(path.stem), path) for path in _image_files(folder))
+        files = [(match["kind"], match["name"], path) for match, path in matches if match]
+    for kind, name, path in files:
+        if name in found[kind]:
+            raise FrameReadError(path, f"frame {name!r} has two {kind} images, this one and {found[kind][name].name}")
+        found[kind][name] = path
+    return found
+
+
+def _image_files(folder: Path) -> list[Path]:
+    if not folder.is_dir():
+        return []
+    return sorted(path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES and path.is_file())
+
+
+def _depth_path(rgb: Path) -> Path:
+    """Return where the depth image beside a colour image should be."""
+    if rgb.parent.name == "rgb":
+        return rgb.parent.parent / "depth" / f"{rgb.stem}.png"
+    return rgb.with_name(f"{rgb.stem.removesuffix('_rgb')}_depth.png")
+
+
+def _labels_and_depth(frame: _Files, depth_scale: float) -> tuple[Any, Any] | None:
+    """Read what the label rule is detected by; None for files that reading the frame will report."""
+    if frame.labels is None:
+        return None
+    try:
+        return read_labels(frame.labels), read_depth(frame.depth, depth_scale)
+    except FrameReadError:
+        return None

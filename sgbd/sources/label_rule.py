@@ -1,0 +1,162 @@
+"""What the numbers in a dataset's label images mean."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from sgbd.frame import BACKGROUND, IGNORE, SUPPORT, FrameError
+
+FIRST_OBJECT = SUPPORT + 1
+_UNKNOWN = np.iinfo(np.int32).min
+_RANGE = re.compile(r"(\d+)(-(\d*))?")
+
+Ids = Sequence[int | str]
+
+
+class LabelRule:
+    """Turns the labels of an image file into instance ids: -1 ignore, 0 background, 1 support, 2 and more objects.
+
+    Each kind of pixel is a list of labels and ranges: `3`, `"1-9"`, or `"20-"` for 20 and everything above. An object's
+    id is `label // divisor + offset`, so that a divisor merges parts that are labelled one by one. A label that stands
+    in no list is an error: labels are never guessed.
+
+    Args:
+        background: Labels of what is of no interest.
+        support: Labels of the supporting surface (table, floor).
+        ignore: Labels of pixels that count neither for training nor for evaluation.
+        objects: Labels of objects and their parts.
+        divisor: How many consecutive labels one object's parts may have.
+        offset: Added to an object's id; 1 if the file has no support and numbers its objects from 1.
+
+    Raises:
+        ValueError: If a list can't be read, a label is in two lists, or an object's id would be below 2.
+
+    Example:
+        >>> mosd = LabelRule(background=[], ignore=[0], support=["1-9"], objects=["20-"], divisor=10)
+        >>> mosd(np.array([[0, 3, 20, 29, 30]])).tolist()
+        [[-1, 1, 2, 2, 3]]
+    """
+
+    def __init__(
+        self,
+        background: Ids = (BACKGROUND,),
+        support: Ids = (SUPPORT,),
+        ignore: Ids = (),
+        objects: Ids = (f"{FIRST_OBJECT}-",),
+        divisor: int = 1,
+        offset: int = 0,
+    ) -> None:
+        if divisor < 1:
+            raise ValueError(f"divisor must be at least 1; got {divisor}")
+        self.background = _ranges(background, "background")
+        self.support = _ranges(support, "support")
+        self.ignore = _ranges(ignore, "ignore")
+        self.objects = _ranges(objects, "objects")
+        self.divisor = divisor
+        self.offset = offset
+        everything = sorted(self.background + self.support + self.ignore + self.objects)
+        for (first, last), (following, _) in zip(everything, everything[1:], strict=False):
+            if last is None or following <= last:
+                raise ValueError(f"label {following} has two meanings in {self}; the range from {first} holds it too")
+        lowest = min((first for first, _ in self.objects), default=None)
+        if lowest is not None and lowest // divisor + offset < FIRST_OBJECT:
+            raise ValueError(
+                f"object label {lowest} would get the id {lowest // divisor + offset}, but ids of objects start at "
+                f"{FIRST_OBJECT} ({BACKGROUND} is background, {SUPPORT} the support); raise `offset`"
+            )
+
+    def __call__(self, labels: npt.NDArray[np.integer]) -> npt.NDArray[np.int32]:
+        """Apply the rule.
+
+        Args:
+            labels: Integers [H, W], not negative.
+
+        Returns:
+            int32 [H, W] as in `sgbd.Frame.instances`.
+
+        Raises:
+            FrameError: If a label is in none of the lists.
+        """
+        if labels.size and int(labels.min()) < 0:
+            raise FrameError(f"labels must not be negative; got {int(labels.min())}")
+        size = int(labels.max()) + 1 if labels.size else 1
+        meaning = np.full(size, _UNKNOWN, dtype=np.int32)
+        for ranges, value in ((self.background, BACKGROUND), (self.support, SUPPORT), (self.ignore, IGNORE)):
+            for first, last in ranges:
+                meaning[first : None if last is None else last + 1] = value
+        for first, last in self.objects:
+            span = np.arange(first, size if last is None else min(last + 1, size), dtype=np.int32)
+            meaning[span] = span // self.divisor + self.offset
+        instances = meaning[labels]
+        if instances.size and int(instances.min()) == _UNKNOWN:
+            unknown = np.unique(labels[instances == _UNKNOWN]).tolist()
+            shown = ", ".join(map(str, unknown[:8])) + (", ..." if len(unknown) > 8 else "")
+            raise FrameError(
+                f"labels without a meaning: {shown}. The rule in use is {self}; state what they are in the dataset's "
+                "`labels` option"
+            )
+        return instances
+
+    def __repr__(self) -> str:
+        kinds = ", ".join(
+            f"{kind}={[_text(span) for span in getattr(self, kind)]}"
+            for kind in ("background", "support", "ignore", "objects")
+        )
+        return f"LabelRule({kinds}, divisor={self.divisor}, offset={self.offset})"
+
+    def __eq__(self, other: object) -> bool:
+        return repr(self) == repr(other) if isinstance(other, LabelRule) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(repr(self))
+
+
+def detect_label_rule(frames: Iterable[tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]]) -> LabelRule:
+    """Tell `MOSD` labels from `PLAIN` ones.
+
+    They are mOSD's if no label lies between 10 and 19, there are labels of 20 and more, and label 0 stands where the
+    depth is missing and hardly anywhere else (in plain labels it is the background, which has depth).
+
+    Args:
+        frames: Label image and depth image of some frames; depth in any unit, 0 = missing.
+    """
+    parts = zeros = zeros_with_depth = 0
+    for labels, depth in frames:
+        if labels.shape != depth.shape or ((labels >= 10) & (labels < 20)).any():
+            return PLAIN
+        parts += int(np.count_nonzero(labels >= 20))
+        zero = labels == 0
+        zeros += int(np.count_nonzero(zero))
+        zeros_with_depth += int(np.count_nonzero(depth[zero]))
+    return MOSD if parts and zeros_with_depth <= 0.05 * zeros else PLAIN
+
+
+def _ranges(ids: Ids, kind: str) -> list[tuple[int, int | None]]:
+    """Parse a list of labels and ranges into (first, last) pairs, last None if the range is open."""
+    if isinstance(ids, (str, int)):
+        raise ValueError(f"{kind} must be a list of labels and ranges such as [0, '1-9', '20-']; got {ids!r}")
+    spans: list[tuple[int, int | None]] = []
+    for item in ids:
+        match = _RANGE.fullmatch(str(item).strip())
+        first = int(match[1]) if match else 0
+        last = first if match and match[2] is None else int(match[3]) if match and match[3] else None
+        if match is None or (last is not None and last < first):
+            raise ValueError(f"{kind}: expected a label such as 3 or a range such as '1-9' or '20-'; got {item!r}")
+        spans.append((first, last))
+    return sorted(spans)
+
+
+def _text(span: tuple[int, int | None]) -> int | str:
+    first, last = span
+    return first if last == first else f"{first}-" if last is None else f"{first}-{last}"
+
+
+PLAIN = LabelRule()
+"""0 background, 1 the supporting surface, every other label an object of its own."""
+
+MOSD = LabelRule(background=(), support=("1-9",), ignore=(0,), objects=("20-",), divisor=10)
+"""The Object Segmentation Database as re-annotated (mOSD): 0 no depth, 1-9 table, 20-29 parts of one object, ..."""

@@ -1,0 +1,410 @@
+"""The Tabletop Object Dataset (TOD), its zero-shot split TOD-Z, and every dataset written in the same layout."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from tqdm import tqdm
+
+from sgbd.frame import BACKGROUND, SUPPORT, Frame, FrameError, Intrinsics
+from sgbd.sources.camera import intrinsics_from, intrinsics_from_view
+from sgbd.sources.categories import TOD_CATEGORIES, TOD_SYNSETS, TODZ_SEEN
+from sgbd.sources.errors import DatasetNotFoundError, FrameReadError
+from sgbd.sources.image import read_depth, read_labels, read_rgb
+from sgbd.sources.source import FrameSource
+
+log = logging.getLogger(__name__)
+
+FOLDERS = {"train": "training_set", "val": "validation_set", "test": "test_set"}
+"""Folder of each split, where no lists divide the frames."""
+
+LISTS = {
+    "train": ("train.txt", "train_ids.npy"),
+    "val": ("val.txt", "val_ids.npy"),
+    "test": ("test.txt", "test_ids.npy", "test_open_ids.npy"),
+}
+"""Names of the files that list a split's frames; the first that exists is taken."""
+
+DESCRIPTION = "scene_description.txt"
+VERTICAL_VIEW = 45.0
+"""Vertical field of view of TOD's virtual camera, degrees, as in its authors' own loading parameters."""
+
+_FRAME_PATH = re.compile(
+    r"(?:(?P<folder>training_set|validation_set|test_set)[\\/]+)?"
+    r"(?P<scene>scene_\d+)[\\/]+rgb_(?P<view>\d+)(?P<suffix>\.jpeg|\.jpg|\.png)$"
+)
+_RGB_FILE = re.compile(r"rgb_(\d+)(\.jpeg|\.jpg|\.png)")
+_SYNSET = re.compile(r"(?<!\d)(" + "|".join(TOD_SYNSETS) + r")(?!\d)")
+
+
+class _View(NamedTuple):
+    scene: str
+    """Folder of the scene below the root, e.g. training_set/scene_00012."""
+    number: str
+    suffix: str
+
+    @property
+    def name(self) -> str:
+        return f"{self.scene}/{self.number}"
+
+
+class Tod(FrameSource):
+    r"""Rendered tabletop scenes in the layout of the Tabletop Object Dataset.
+
+    | TOD        | frames                | objects              | image   | depth             |
+    |------------|-----------------------|----------------------|---------|-------------------|
+    | TOD        | 40,000 scenes x 7     | ShapeNet, 25 classes | 640x480 | exact, uint16 mm  |
+    | TOD-Z      | 7118 train, 881 test  | 12 seen, 13 unseen   | 640x480 | exact, uint16 mm  |
+
+    Below `root`, every scene is a folder `{training_set,validation_set,test_set}/scene_XXXXX` with, for each view V,
+    `rgb_0000V.jpeg`, `depth_0000V.png` (uint16 millimetres), `segmentation_0000V.png` (0 background, 1 table, 2 and
+    more objects), `semseg_0000V.png` (1 to 25 categories, 26 table) and, once a scene, `scene_description.txt` (JSON).
+
+    A split is what its list says, `{train,val,test}.txt` with a line `training_set/scene_00012/rgb_00003.jpeg` for
+    each frame, or TOD-Z's `{train,val,test_open}_ids.npy`, arrays of such paths whose beginning may be any folder of
+    another machine (a scene without one of the three set folders before it lies in `training_set`). Without any list
+    a split is its folder, less the views 0 and 1, which show the room and the empty table.
+
+    An object's category is the one of most of its pixels in `semseg`; where that file is missing, the ShapeNet synset
+    of the object's mesh in the scene's description; else it has none.
+
+    The camera is `intrinsics`, or else `intrinsics` (fx, fy, cx, cy in pixels) in the scene's description, or else
+    TOD's own: 45° of vertical view.
+
+    Files are first looked for when `names`, `splits` or a frame is asked for.
+
+    How to get it: TOD is linked from https://github.com/chrisdxie/uois, the lists of TOD-Z from
+    https://github.com/evinpinar/supergb-d. C. Xie, Y. Xiang, A. Mousavian, D. Fox, "Unseen object instance
+    segmentation for robotic environments", IEEE T-RO 37(5), 2021, doi:10.1109/TRO.2021.3060341. TOD-Z: E. P. Örnek et
+    al., "SupeRGB-D", IEEE RA-L 8(6), 2023, doi:10.1109/LRA.2023.3271527.
+
+    Args:
+        root: Folder that holds `training_set`, `test_set` and, if there are any, the lists.
+        split: "train", "val" or "test".
+        lists: Where the lists are: a folder, or a mapping from split to file; None for `root`.
+        seen: Categories that training frames hold; None if there is no such division.
+        category_names: Name of category 1, 2, ... in `semseg`; the id after the last is the table's.
+        intrinsics: Camera of all frames, overriding the scenes' own.
+        first_view: Where folders are the splits, views with a smaller number are left out.
+        min_objects: Frames with fewer objects are left out as near-empty; 0 keeps all and reads no image for it.
+        min_object_pixels: An object counts for `min_objects` if it has as many visible pixels.
+
+    Raises:
+        ValueError: If the split is none of the three, or `seen` has a name that is no category.
+        FrameError: If `intrinsics` are no camera.
+    """
+
+    layout = """
+root/
+    {training_set,validation_set,test_set}/
+        scene_00000/
+            rgb_00002.jpeg           8-bit colours
+            depth_00002.png          uint16 millimetres, 0 = missing
+            segmentation_00002.png   0 background, 1 table, 2+ objects
+            semseg_00002.png         1..25 category, 26 table   (optional)
+            scene_description.txt    JSON                       (optional)
+    {train,val,test}.txt             lines such as training_set/scene_00000/rgb_00002.jpeg   (optional)
+"""
+    remedy = (
+        "The Tabletop Object Dataset is linked from https://github.com/chrisdxie/uois (the lists of TOD-Z from "
+        "https://github.com/evinpinar/supergb-d); unpack it and give its folder as dataset.root. To start without a "
+        "download, use the embedded synthetic set: dataset=tabletop."
+    )
+
+    def __init__(
+        self,
+        root: str | Path,
+        split: str = "train",
+        lists: str | Path | Mapping[str, str | Path] | None = None,
+        seen: Iterable[str] | None = TODZ_SEEN,
+        category_names: Iterable[str] = TOD_CATEGORIES,
+        intrinsics: Intrinsics | Mapping[str, Any] | None = None,
+        first_view: int = 2,
+        min_objects: int = 0,
+        min_object_pixels: int = 1,
+    ) -> None:
+        if split not in FOLDERS:
+            raise ValueError(f"no split {split!r}; choose from {', '.join(FOLDERS)}")
+        self.root = Path(root).expanduser()
+        self.split = split
+        self.category_names = tuple(category_names)
+        self.seen = frozenset(seen or ())
+        unknown = sorted(self.seen - set(self.category_names))
+        if unknown:
+            raise ValueError(f"seen categories that do not exist: {unknown}; choose from {list(self.category_names)}")
+        self.intrinsics = intrinsics_from(intrinsics)
+        self.first_view = first_view
+        self.min_objects = min_objects
+        self.min_object_pixels = min_object_pixels
+        self._list_location: Path | dict[str, Path]
+        if isinstance(lists, Mapping):
+            self._list_location = {key: Path(value).expanduser() for key, value in lists.items()}
+        else:
+            self._list_location = self.root if lists is None else Path(lists).expanduser()
+        self._lists_required = lists is not None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """`folder/scene/view` of each frame, e.g. training_set/scene_00012/00003."""
+        return self._names
+
+    @property
+    def splits(self) -> tuple[str, ...]:
+        """The splits that have a list or, if none has, a folder."""
+        if self._lists:
+            return tuple(self._lists)
+        return tuple(split for split, folder in FOLDERS.items() if (self.root / folder).is_dir())
+
+    @property
+    def filtered(self) -> Mapping[str, int]:
+        """How many frames of the split were left out: `background_views` and `near_empty`."""
+        return {
+            "background_views": self._candidates[1],
+            "near_empty": len(self._candidates[0]) - len(self._views),
+        }
+
+    def files(self, index: int) -> tuple[Path, ...]:
+        """Return colour, depth, segmentation, semantic mask and scene description of a frame; the last two may lack."""
+        return self._files(self._views[index])
+
+    def options(self) -> Mapping[str, Any]:
+        """Return the options that change what is read."""
+        camera = self.intrinsics
+        return {
+            "intrinsics": camera and [camera.fx, camera.fy, camera.cx, camera.cy],
+            "min_objects": self.min_objects,
+            "min_object_pixels": self.min_object_pixels,
+        }
+
+    def read(self, index: int) -> Frame:
+        """Read one frame.
+
+        Raises:
+            FrameReadError: If a file is missing, damaged, or has an unknown category.
+            FrameError: If the images differ in size or hold no depth.
+        """
+        view = self._views[index]
+        rgb_path, depth_path, segmentation_path, semseg_path, description_path = self._files(view)
+        rgb = read_rgb(rgb_path)
+        description = _read_description(description_path)
+        instances = read_labels(segmentation_path)
+        if semseg_path.exists():
+            categories = self._categories_of_pixels(instances, read_labels(semseg_path), semseg_path)
+        else:
+            categories = self._categories_of_meshes(instances, description)
+        return Frame(
+            rgb=rgb,
+            depth=read_depth(depth_path),
+            intrinsics=self._camera(rgb.shape[1], rgb.shape[0], description, description_path),
+            instances=instances,
+            categories=categories,
+            name=view.name,
+        )
+
+    def _fingerprinted(self) -> Iterator[tuple[str, tuple[Path, ...]]]:
+        # The rule against near-empty frames is among the options, so that a fingerprint needs no image.
+        return ((view.name, self._files(view)) for view in self._candidates[0])
+
+    def _files(self, view: _View) -> tuple[Path, ...]:
+        scene = self.root / view.scene
+        return (
+            scene / f"rgb_{view.number}{view.suffix}",
+            scene / f"depth_{view.number}.png",
+            scene / f"segmentation_{view.number}.png",
+            scene / f"semseg_{view.number}.png",
+            scene / DESCRIPTION,
+        )
+
+    def _not_found(self, missing: str) -> DatasetNotFoundError:
+        return DatasetNotFoundError(self.root, missing, self.layout, self.remedy)
+
+    @cached_property
+    def _lists(self) -> dict[str, Path]:
+        """The list of each split that has one."""
+        if isinstance(self._list_location, dict):
+            return self._list_location
+        found = {}
+        for split, names in LISTS.items():
+            paths = [self._list_location / name for name in names]
+            existing = [path for path in paths if path.is_file()]
+            if existing:
+                found[split] = existing[0]
+        if self._lists_required and not found:
+            raise self._not_found(f"no list of a split in {self._list_location} ({', '.join(sum(LISTS.values(), ()))})")
+        return found
+
+    @cached_property
+    def _candidates(self) -> tuple[tuple[_View, ...], int]:
+        """The frames of the split before near-empty ones are left out, and how many background views already are."""
+        if not self.root.is_dir():
+            raise self._not_found("the folder does not exist")
+        if self._lists and self.split not in self._lists:
+            raise self._not_found(f"there is no list of split {self.split!r}, only of {', '.join(self._lists)}")
+        views, background = self._views_of_list() if self._lists else self._views_of_folder()
+        if not views:
+            origin = self._lists.get(self.split, self.root / FOLDERS[self.split])
+            raise self._not_found(f"{origin} names no frame of split {self.split!r}")
+        return views, background
+
+    def _views_of_list(self) -> tuple[tuple[_View, ...], int]:
+        path = self._lists[self.split]
+        views: dict[_View, None] = {}
+        entries = _read_list(path)
+        for number, entry in entries:
+            match = _FRAME_PATH.search(entry)
+            if match is None:
+                raise FrameReadError(
+                    path,
+                    f"entry {number} is {entry!r}; expected a path that ends like "
+                    "training_set/scene_00012/rgb_00003.jpeg",
+                )
+            folder = match["folder"] or FOLDERS["train"]
+            views[_View(f"{folder}/{match['scene']}", match["view"], match["suffix"])] = None
+        if len(views) < len(entries):
+            log.warning("%s names %d frames twice; each is read once", path, len(entries) - len(views))
+        if views and not any(self._files(view)[0].exists() for view in views):
+            first = self._files(next(iter(views)))[0]
+            raise self._not_found(f"none of the {len(views)} frames that {path} lists is there; the first is {first}")
+        return tuple(views), 0
+
+    def _views_of_folder(self) -> tuple[tuple[_View, ...], int]:
+        folder = FOLDERS[self.split]
+        if not (self.root / folder).is_dir():
+            raise self._not_found(f"there is no folder {folder} for split {self.split!r}, and there are no lists")
+        views = []
+        background = 0
+        with os.scandir(self.root / folder) as scenes:
+            names = sorted(scene.name for scene in scenes if scene.name.startswith("scene_") and scene.is_dir())
+        for scene in names:
+            matches = (_RGB_FILE.fullmatch(name) for name in sorted(os.listdir(self.root / folder / scene)))  # noqa: PTH208
+            for match in filter(None, matches):
+                if int(match[1]) >= self.first_view:
+                    views.append(_View(f"{folder}/{scene}", match[1], match[2]))
+                else:
+                    background += 1
+        return tuple(views), background
+
+    @cached_property
+    def _views(self) -> tuple[_View, ...]:
+        """The frames of the split."""
+        candidates = self._candidates[0]
+        if self.min_objects <= 0:
+            return candidates
+        # Decoding releases the interpreter's lock, so that threads suffice.
+        with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
+            enough = list(
+                tqdm(
+                    pool.map(self._has_enough_objects, candidates),
+                    total=len(candidates),
+                    desc=f"looking for near-empty frames of {self.split}",
+                    unit="frame",
+                    leave=False,
+                )
+            )
+        views = tuple(view for view, keep in zip(candidates, enough, strict=True) if keep)
+        log.info(
+            "%s: left out %d of %d frames with fewer than %d objects of %d pixels",
+            self.split,
+            len(candidates) - len(views),
+            len(candidates),
+            self.min_objects,
+            self.min_object_pixels,
+        )
+        if not views:
+            raise self._not_found(
+                f"all {len(candidates)} frames of split {self.split!r} have fewer than {self.min_objects} objects of "
+                f"{self.min_object_pixels} pixels; lower min_objects or min_object_pixels"
+            )
+        return views
+
+    @cached_property
+    def _names(self) -> tuple[str, ...]:
+        return tuple(view.name for view in self._views)
+
+    def _has_enough_objects(self, view: _View) -> bool:
+        try:
+            labels = read_labels(self._files(view)[2])
+        except FrameReadError:
+            return True  # kept, so that reading the frame reports it
+        pixels = np.bincount(labels.ravel())[SUPPORT + 1 :]
+        return int(np.count_nonzero(pixels >= max(1, self.min_object_pixels))) >= self.min_objects
+
+    def _categories_of_pixels(
+        self, instances: npt.NDArray[np.int32], semseg: npt.NDArray[np.int32], path: Path
+    ) -> dict[int, str]:
+        if semseg.shape != instances.shape:
+            raise FrameReadError(path, f"the mask is {semseg.shape} pixels, the segmentation {instances.shape}")
+        table = len(self.category_names) + 1
+        highest = int(semseg.max())
+        if highest > table:
+            raise FrameReadError(
+                path,
+                f"category {highest} is unknown; 1 to {table - 1} are {', '.join(self.category_names)}, {table} is the "
+                "table and 0 the background (the dataset's category_names option sets others)",
+            )
+        objects = instances > SUPPORT
+        pairs = instances[objects] * (table + 1) + semseg[objects]
+        votes = np.bincount(pairs, minlength=(int(instances.max()) + 1) * (table + 1)).reshape(-1, table + 1)
+        winners = votes.argmax(axis=1)
+        named = np.flatnonzero(votes.any(axis=1) & (winners != BACKGROUND) & (winners != table))
+        return {int(identity): self.category_names[winners[identity] - 1] for identity in named}
+
+    def _categories_of_meshes(self, instances: npt.NDArray[np.int32], description: Mapping[str, Any]) -> dict[int, str]:
+        """Return the category of each visible object k from the mesh of the description's object k - 2."""
+        objects = description.get("object_descriptions", [])
+        visible = np.flatnonzero(np.bincount(instances.ravel())[SUPPORT + 1 :])
+        categories = {}
+        for position in visible.tolist():
+            mesh = objects[position].get("mesh_filename", "") if position < len(objects) else ""
+            match = _SYNSET.search(mesh)
+            if match and TOD_SYNSETS[match[1]] in self.category_names:
+                categories[position + SUPPORT + 1] = TOD_SYNSETS[match[1]]
+        return categories
+
+    def _camera(self, width: int, height: int, description: Mapping[str, Any], path: Path) -> Intrinsics:
+        try:
+            camera = self.intrinsics or intrinsics_from(description.get("intrinsics"))
+        except FrameError as error:
+            raise FrameReadError(path, str(error)) from error
+        return camera or intrinsics_from_view(width, height, VERTICAL_VIEW)
+
+
+def _read_description(path: Path) -> Mapping[str, Any]:
+    """Read a scene's description; an empty one if there is no such file."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise FrameReadError(path, f"the scene's description cannot be read as JSON: {error}") from error
+    if not isinstance(content, dict):
+        raise FrameReadError(path, f"the scene's description must be a JSON object; got {type(content).__name__}")
+    return content
+
+
+def _read_list(path: Path) -> list[tuple[int, str]]:
+    """Return number (from 1) and text of each entry of a list; blank lines and lines after # are comments."""
+    try:
+        if path.suffix == ".npy":
+            array = np.load(path, allow_pickle=False)
+            if array.dtype.kind not in "US":
+                raise FrameReadError(path, f"expected an array of paths (text); got {array.dtype}")
+            entries: list[str] = np.char.asarray(array.ravel()).astype(str).tolist()
+        else:
+            entries = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, ValueError) as error:
+        if isinstance(error, FrameReadError):
+            raise
+        raise FrameReadError(path, f"the list of frames cannot be read: {error}") from error
+    lines = ((number, entry.strip()) for number, entry in enumerate(entries, start=1))
+    return [(number, entry) for number, entry in lines if entry and not entry.startswith("#")]
