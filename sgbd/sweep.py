@@ -1,0 +1,470 @@
+"""Sweeps of many jobs: finished jobs are not repeated, nothing is overwritten, and a table of all stands at the end."""
+
+from __future__ import annotations
+
+import contextlib
+import fnmatch
+import hashlib
+import json
+import logging
+import math
+import os
+import re
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+from filelock import FileLock, Timeout
+from hydra.core.utils import JobReturn, JobStatus
+from hydra.experimental.callback import Callback
+from hydra.types import TaskFunction
+from omegaconf import DictConfig, OmegaConf, open_dict
+
+from sgbd.configuration import ConfigurationError, ExpectedError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+log = logging.getLogger(__name__)
+
+RESULT_FILE = "result.json"
+JOB_FILE = "job.json"
+LOCK_FILE = ".job.lock"
+RECORDS_FOLDER = ".jobs"
+ASIDE = "earlier-"
+
+PLACES = ("data_dir", "cache_dir", "output_dir")
+"""Keys that say where files lie; whatever they are, the result is the same."""
+IMMATERIAL = ("name", "workers", "logger")
+"""Keys that don't change the result either."""
+
+LONGEST_NAME = 150
+"""Characters of a job's folder name; file systems end at 255 bytes."""
+
+
+def config_hash(config: DictConfig) -> str:
+    """Return a digest of everything in a job's configuration that its result depends on, and of the package's version.
+
+    Args:
+        config: A job's configuration, without the node `hydra`.
+
+    Returns:
+        64 hexadecimal digits.
+    """
+    material = config.copy()
+    with open_dict(material):
+        for key in IMMATERIAL:
+            material.pop(key, None)
+        for key in PLACES:
+            if key in material:
+                # Not removed: other values are interpolated from these, and move with them.
+                material[key] = f"<{key}>"
+    values = OmegaConf.to_container(material, resolve=True, enum_to_str=True)
+    return _digest([_package_version(), values])
+
+
+def job_folder(override_dirname: str) -> str:
+    """Return a folder name for a job of a sweep, from the overrides that set it apart.
+
+    Args:
+        override_dirname: Hydra's `hydra.job.override_dirname`, such as `features=rgb,model=mlp`.
+
+    Returns:
+        One path component: separators become `_`, and names too long for a file system end in a digest. `base` if
+        there are no overrides.
+    """
+    name = re.sub(r"[/\\:\s]+", "_", override_dirname).lstrip(".") or "base"
+    if len(name) > LONGEST_NAME:
+        name = f"{name[: LONGEST_NAME - 11]}-{_digest(override_dirname)[:10]}"
+    return name
+
+
+OmegaConf.register_new_resolver("job_folder", job_folder, replace=True)
+
+
+def run_once(folder: Path, config: DictConfig, job: Callable[[DictConfig, Path], Mapping[str, Any]]) -> dict[str, Any]:
+    """Run a job in its folder, or return its result if it has finished there before with the same configuration.
+
+    - A job that was interrupted finds its own files in the folder and may go on from them.
+    - Files of a job with another configuration are first moved to the subfolder `earlier-1`, `earlier-2`, …
+    - Of two processes with the same folder the second waits, and then finds the first one's result.
+
+    `result.json` is written last, and at once.
+
+    Args:
+        folder: The job's own folder; made if needed.
+        config: The job's configuration. A copy is written to `config.yaml`.
+        job: What to do: a function of the configuration and the folder. It returns values that JSON can hold, with
+            floats under the key `scores`.
+
+    Returns:
+        What the job returned, with `config_hash` and `seconds`.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with _claimed(folder):
+        identity = config_hash(config)
+        previous = _read_json(folder / JOB_FILE)
+        if previous is not None and previous["config_hash"] != identity:
+            _move_aside(folder, keep=previous["found"])
+            previous = None
+        result = _read_json(folder / RESULT_FILE) if previous is not None else None
+        if result is not None:
+            log.info("This job has finished before with the same configuration: %s", folder / RESULT_FILE)
+            return result
+        if previous is None:
+            found = sorted(path.name for path in folder.iterdir() if path.name != LOCK_FILE)
+            _write_json(folder / JOB_FILE, {"config_hash": identity, "found": found})
+        else:
+            log.info("Going on with the interrupted job in %s", folder)
+        OmegaConf.save(config, folder / "config.yaml")
+        started = time.perf_counter()
+        result = {"config_hash": identity, **job(config, folder)}
+        result["seconds"] = time.perf_counter() - started
+        _write_json(folder / RESULT_FILE, result)
+        return result
+
+
+class SweepTable(Callback):
+    """Hydra callback that keeps one table of a sweep in the sweep's folder: `table.csv`, `table.md` and `table.png`.
+
+    It is written after every job, so that it is there however the sweep ends. Jobs that failed, or were interrupted,
+    are rows of it like the others. Tables of another sweep in the same folder are moved to a subfolder `earlier-<n>`.
+
+    Args:
+        columns: Patterns (as of file names) of the scores that the Markdown table shows, in this order. The CSV file
+            holds all scores.
+        plot: Names of the scores that are drawn.
+        seed: The override whose repetitions are averaged.
+        immaterial: Overrides that are no property of a row, such as the number of workers.
+    """
+
+    def __init__(
+        self,
+        columns: Sequence[str] = ("*",),
+        plot: Sequence[str] = ("seen/overlap_f", "unseen/overlap_f", "hm/overlap_f"),
+        seed: str = "seed",
+        immaterial: Sequence[str] = ("experiment", *PLACES, *IMMATERIAL),
+    ) -> None:
+        self.columns = tuple(columns)
+        self.plot = tuple(plot)
+        self.seed = seed
+        self.immaterial = tuple(immaterial)
+        self.sweep: str | None = None
+
+    def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
+        """Recognise the sweep, and make room for its table."""
+        settings = config.hydra
+        values = OmegaConf.to_container(config, resolve=False, enum_to_str=True)
+        assert isinstance(values, dict)
+        for key in ("hydra", *PLACES, *IMMATERIAL):
+            values.pop(key, None)
+        params = OmegaConf.select(settings, "sweeper.params")
+        swept = [f"{key}={value}" for key, value in (params or {}).items()]
+        self.sweep = _digest([_package_version(), values, swept, list(settings.overrides.task)])[:12]
+        folder = Path(settings.sweep.dir)
+        folder.mkdir(parents=True, exist_ok=True)
+        with FileLock(folder / LOCK_FILE):
+            known = _read_json(folder / RECORDS_FOLDER / "sweep.json")
+            if known is not None and known["sweep"] != self.sweep:
+                _move_aside(folder, only=("table.csv", "table.md", "table.png", RECORDS_FOLDER))
+            _write_json(folder / RECORDS_FOLDER / "sweep.json", {"sweep": self.sweep})
+
+    def on_job_start(self, config: DictConfig, *, task_function: TaskFunction, **kwargs: Any) -> None:
+        """Note that a job of the sweep has begun."""
+        if self.sweep is not None:
+            self._record(config, "unfinished")
+
+    def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:
+        """Note how a job of the sweep ended, and write the table."""
+        if self.sweep is None:
+            return
+        if job_return.status == JobStatus.COMPLETED:
+            self._record(config, "finished")
+        else:
+            error = job_return._return_value  # the property would raise it
+            expected = isinstance(error, ExpectedError)
+            log.error("This job failed: %s", error, exc_info=None if expected else error)
+            self._record(config, "failed", f"{type(error).__name__}: {error}" if not expected else str(error))
+        folder = Path(config.hydra.sweep.dir)
+        with FileLock(folder / LOCK_FILE):
+            jobs = read_jobs(folder)
+            write_table(jobs, folder, columns=self.columns, plot=self.plot, seed=self.seed)
+
+    def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
+        """Say where the table is."""
+        log.info("Table of the sweep: %s", Path(config.hydra.sweep.dir) / "table.md")
+
+    def _record(self, config: DictConfig, state: str, error: str | None = None) -> None:
+        settings = config.hydra
+        overrides = dict(_split_override(override) for override in settings.overrides.task)
+        seed = overrides.pop(self.seed, None)
+        record = {
+            "number": settings.job.num,
+            "overrides": {key: value for key, value in overrides.items() if key not in self.immaterial},
+            "seed": OmegaConf.select(config, self.seed) if seed is None else seed,
+            "folder": os.path.relpath(settings.runtime.output_dir, settings.sweep.dir),
+            "state": state,
+            "error": error,
+        }
+        _write_json(Path(settings.sweep.dir) / RECORDS_FOLDER / f"{settings.job.num:05d}.json", record)
+
+
+def read_jobs(folder: Path) -> pd.DataFrame:
+    """Read the jobs of the sweep in a folder.
+
+    Args:
+        folder: The sweep's folder.
+
+    Returns:
+        A row each job in the sweep's order, with the columns `job` (its number), one for each override, `seed`, `state`
+        (finished, failed or unfinished), one for each score (NaN where there is none), `seconds`, `error`, `folder`.
+    """
+    records = [_read_json(path) for path in sorted((folder / RECORDS_FOLDER).glob("[0-9]*.json"))]
+    rows: list[dict[str, Any]] = []
+    scores: dict[str, None] = {}
+    overrides: dict[str, None] = {}
+    for record in records:
+        if record is None:
+            continue
+        row = {"job": record["number"], **record["overrides"], "seed": str(record["seed"]), "state": record["state"]}
+        overrides.update(dict.fromkeys(record["overrides"]))
+        if record["state"] == "finished":
+            result = _read_json(folder / record["folder"] / RESULT_FILE) or {}
+            values = {
+                key: math.nan if value is None else float(value) for key, value in result.get("scores", {}).items()
+            }
+            scores.update(dict.fromkeys(values))
+            row |= {**values, "seconds": result.get("seconds", math.nan)}
+        rows.append(row | {"error": record["error"] or "", "folder": record["folder"]})
+    columns = ["job", *overrides, "seed", "state", *scores, "seconds", "error", "folder"]
+    table = pd.DataFrame(rows, columns=columns)
+    table.attrs.update(overrides=list(overrides), scores=list(scores))
+    return table
+
+
+def summarise(jobs: pd.DataFrame) -> pd.DataFrame:
+    """Average the repetitions of a sweep's jobs over their seeds.
+
+    Args:
+        jobs: As `read_jobs` returns it.
+
+    Returns:
+        A row each combination of overrides, in the sweep's order. Columns: the overrides that vary, `finished`,
+        `failed`, `unfinished` (numbers of jobs), and for each score `<score>` (mean over the finished jobs) and
+        `<score> std` (sample standard deviation; NaN for a single job).
+    """
+    overrides = [key for key in jobs.attrs["overrides"] if jobs[key].nunique(dropna=False) > 1]
+    rows = []
+    keys = jobs[overrides].astype(object).where(jobs[overrides].notna(), "")
+    groups = jobs.groupby([keys[key] for key in overrides], sort=False) if overrides else [((), jobs)]
+    for values, group in groups:
+        row: dict[str, Any] = dict(zip(overrides, values, strict=True))
+        for state in ("finished", "failed", "unfinished"):
+            row[state] = int((group["state"] == state).sum())
+        for score in [*jobs.attrs["scores"], "seconds"]:
+            row[score] = group[score].mean()
+            row[f"{score} std"] = group[score].std(ddof=1)
+        rows.append(row)
+    summary = pd.DataFrame(rows)
+    summary.attrs.update(overrides=overrides, scores=jobs.attrs["scores"])
+    return summary
+
+
+def write_table(
+    jobs: pd.DataFrame, folder: Path, *, columns: Sequence[str], plot: Sequence[str], seed: str = "seed"
+) -> None:
+    """Write `table.csv` (each job), `table.md` (mean ± std over seeds) and `table.png` of a sweep.
+
+    Args:
+        jobs: As `read_jobs` returns it.
+        folder: Where to.
+        columns: Patterns of the scores in the Markdown table.
+        plot: Scores in the figure.
+        seed: What the repetitions differ in.
+    """
+    _write_text(folder / "table.csv", jobs.to_csv(index=False))
+    summary = summarise(jobs)
+    _write_text(folder / "table.md", markdown(jobs, summary, columns, seed))
+    drawn = [score for score in plot if score in summary]
+    if drawn and summary["finished"].any():
+        figure = draw(summary, drawn)
+        partial = folder / ".table.png"
+        figure.savefig(partial, format="png", dpi=150)
+        partial.replace(folder / "table.png")
+
+
+def markdown(jobs: pd.DataFrame, summary: pd.DataFrame, columns: Sequence[str], seed: str = "seed") -> str:
+    """Return the Markdown table of a sweep, with the reasons of failures below it."""
+    overrides, scores = summary.attrs["overrides"], summary.attrs["scores"]
+    chosen = list(dict.fromkeys(score for pattern in columns for score in fnmatch.filter(scores, pattern))) or scores
+    shown = pd.DataFrame(index=summary.index)
+    for key in overrides:
+        shown[key] = summary[key].astype(str)
+    shown["jobs"] = [
+        _count(*row) for row in zip(summary["finished"], summary["failed"], summary["unfinished"], strict=True)
+    ]
+    for score in [*chosen, "seconds"]:
+        digits = 0 if score == "seconds" else 2
+        pairs = zip(summary[score], summary[f"{score} std"], strict=True)
+        shown[score] = [_mean_and_deviation(mean, deviation, digits) for mean, deviation in pairs]
+    lines = [shown.to_markdown(index=False, disable_numparse=True, stralign="right")]
+    repeated = sorted(set(jobs["seed"]))
+    fixed = {key: jobs[key].iloc[0] for key in jobs.attrs["overrides"] if key not in overrides}
+    if fixed:
+        lines.append("All with " + ", ".join(f"`{key}={value}`" for key, value in fixed.items()) + ".")
+    if len(repeated) > 1:
+        lines.append(f"Mean ± sample standard deviation over `{seed}` {', '.join(repeated)}.")
+    for row in jobs[jobs["state"] != "finished"].to_dict("records"):
+        reason = row["error"].strip().splitlines()
+        why = f": {reason[0]}" if reason else ""
+        lines.append(f"Job {row['job']} (`{row['folder']}`) {row['state']}{why}")
+    return "\n\n".join(lines) + "\n"
+
+
+def draw(summary: pd.DataFrame, scores: Sequence[str]) -> Figure:
+    """Draw scores over the rows of a sweep, with the standard deviation over seeds as error bars.
+
+    One varied number is the horizontal axis, logarithmic where it spans a factor of 4 or more; otherwise the rows stand
+    one below the other. Rows without a finished job are named and left empty.
+
+    Args:
+        summary: As `summarise` returns it.
+        scores: Which of its scores.
+
+    Returns:
+        A figure, made without pyplot.
+    """
+    from matplotlib.figure import Figure
+
+    overrides = summary.attrs["overrides"]
+    numbers = pd.to_numeric(summary[overrides[0]], errors="coerce") if len(overrides) == 1 else None
+    if numbers is not None and numbers.notna().all() and len(numbers) > 1:
+        ordered = summary.assign(**{overrides[0]: numbers}).sort_values(overrides[0])
+        figure = Figure(figsize=(6, 4), layout="constrained")
+        axes = figure.subplots()
+        positions = ordered[overrides[0]].to_numpy()
+        for score in scores:
+            deviation = ordered[f"{score} std"].fillna(0)
+            axes.errorbar(positions, ordered[score], yerr=deviation, marker="o", capsize=3, label=score)
+        if positions[0] > 0 and positions[-1] / positions[0] >= 4:
+            axes.set_xscale("log", base=2)
+        axes.set_xticks(positions, labels=[f"{position:g}" for position in positions])
+        axes.minorticks_off()
+        axes.set_xlabel(overrides[0])
+    else:
+        names = [", ".join(str(row[key]) for key in overrides) or "all" for row in summary.to_dict("records")]
+        figure = Figure(figsize=(7, 1.4 + 0.45 * len(names)), layout="constrained")
+        axes = figure.subplots()
+        for place, score in enumerate(scores):
+            # Side by side: equal scores would hide each other.
+            rows = [row + 0.14 * (place - (len(scores) - 1) / 2) for row in range(len(names))]
+            deviation = summary[f"{score} std"].fillna(0)
+            axes.errorbar(summary[score], rows, xerr=deviation, marker="o", linestyle="none", capsize=3, label=score)
+        axes.set_yticks(range(len(names)), labels=names)
+        axes.set_ylim(len(names) - 0.5, -0.5)
+        axes.set_ylabel(", ".join(overrides))
+    axes.grid(alpha=0.3)
+    figure.legend(loc="outside upper center", ncols=len(scores), frameon=False)
+    return figure
+
+
+def _count(finished: int, failed: int, unfinished: int) -> str:
+    if failed + unfinished == 0:
+        return str(finished)
+    if finished + failed + unfinished == 1:
+        return "failed" if failed else "unfinished"
+    numbers = {"finished": finished, "failed": failed, "unfinished": unfinished}
+    return ", ".join(f"{number} {state}" for state, number in numbers.items() if number)
+
+
+def _mean_and_deviation(mean: float, deviation: float, digits: int) -> str:
+    if math.isnan(mean):
+        return "–"
+    return f"{mean:.{digits}f}" if math.isnan(deviation) else f"{mean:.{digits}f} ± {deviation:.{digits}f}"
+
+
+def _split_override(override: str) -> tuple[str, str]:
+    key, _, value = override.lstrip("+~").partition("=")
+    return key, value
+
+
+@contextlib.contextmanager
+def _claimed(folder: Path) -> Iterator[None]:
+    lock = FileLock(folder / LOCK_FILE)
+    try:
+        lock.acquire(blocking=False)
+    except Timeout:
+        log.info("Another process is running the job in %s; waiting for it", folder)
+        lock.acquire()
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def _move_aside(folder: Path, keep: Sequence[str] = (), only: Sequence[str] | None = None) -> None:
+    """Move the contents of a folder to its next free subfolder `earlier-<n>`."""
+    names = sorted(path.name for path in folder.iterdir()) if only is None else list(only)
+    names = [
+        name
+        for name in names
+        if name not in keep and name != LOCK_FILE and not name.startswith(ASIDE) and (folder / name).exists()
+    ]
+    taken = [int(path.name[len(ASIDE) :]) for path in folder.glob(f"{ASIDE}*") if path.name[len(ASIDE) :].isdigit()]
+    target = folder / f"{ASIDE}{max(taken, default=0) + 1}"
+    target.mkdir()
+    for name in names:
+        (folder / name).rename(target / name)
+    log.info("%s holds the result of another configuration; moved to %s", folder, target)
+
+
+def _digest(value: Any) -> str:
+    return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def _package_version() -> str:
+    try:
+        return version("sgbd")
+    except PackageNotFoundError:
+        return "source"
+
+
+def _read_json(path: Path) -> dict[str, Any] | None:
+    try:
+        value = json.loads(path.read_text())
+    except FileNotFoundError:
+        return None
+    except json.JSONDecodeError as error:
+        raise ConfigurationError(f"{path} is damaged ({error}); remove it and repeat the command") from None
+    assert isinstance(value, dict)
+    return value
+
+
+def _write_json(path: Path, value: Mapping[str, Any]) -> None:
+    _write_text(path, json.dumps(_plain(value), indent=2, allow_nan=False) + "\n")
+
+
+def _plain(value: Any) -> Any:
+    """Return a value of plain JSON types: NumPy numbers become Python's, numbers that are not finite null."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if hasattr(value, "item") and not isinstance(value, str):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return str(value) if isinstance(value, os.PathLike) else value
+
+
+def _write_text(path: Path, text: str) -> None:
+    """Write a file at once: readers see the old one or the new one, and nothing in between."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.name}.{os.getpid()}")
+    partial.write_text(text)
+    with partial.open("rb") as file:
+        os.fsync(file.fileno())
+    partial.replace(path)
