@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -58,8 +59,8 @@ class LabelRule:
         self.objects = _ranges(objects, "objects")
         self.divisor = divisor
         self.offset = offset
-        everything = sorted(self.background + self.support + self.ignore + self.objects)
-        for (first, last), (following, _) in zip(everything, everything[1:], strict=False):
+        everything = _in_order(self.background + self.support + self.ignore + self.objects)
+        for (first, last), (following, _) in pairwise(everything):
             if last is None or following <= last:
                 raise ValueError(f"label {following} has two meanings in {self}; the range from {first} holds it too")
         lowest = min((first for first, _ in self.objects), default=None)
@@ -147,7 +148,11 @@ def _ranges(ids: Ids, kind: str) -> list[tuple[int, int | None]]:
         if match is None or (last is not None and last < first):
             raise ValueError(f"{kind}: expected a label such as 3 or a range such as '1-9' or '20-'; got {item!r}")
         spans.append((first, last))
-    return sorted(spans)
+    return _in_order(spans)
+
+
+def _in_order(spans: list[tuple[int, int | None]]) -> list[tuple[int, int | None]]:
+    return sorted(spans, key=lambda span: span[0])
 
 
 def _text(span: tuple[int, int | None]) -> int | str:

@@ -61,10 +61,10 @@ class _View(NamedTuple):
 class Tod(FrameSource):
     r"""Rendered tabletop scenes in the layout of the Tabletop Object Dataset.
 
-    | TOD        | frames                | objects              | image   | depth             |
-    |------------|-----------------------|----------------------|---------|-------------------|
-    | TOD        | 40,000 scenes x 7     | ShapeNet, 25 classes | 640x480 | exact, uint16 mm  |
-    | TOD-Z      | 7118 train, 881 test  | 12 seen, 13 unseen   | 640x480 | exact, uint16 mm  |
+    | dataset | frames               | categories         | image   | depth            |
+    |---------|----------------------|--------------------|---------|------------------|
+    | TOD     | 40,000 scenes x 7    | ShapeNet's         | 640x480 | exact, uint16 mm |
+    | TOD-Z   | 7118 train, 881 test | 12 seen, 13 unseen | 640x480 | exact, uint16 mm |
 
     Below `root`, every scene is a folder `{training_set,validation_set,test_set}/scene_XXXXX` with, for each view V,
     `rgb_0000V.jpeg`, `depth_0000V.png` (uint16 millimetres), `segmentation_0000V.png` (0 background, 1 table, 2 and

@@ -1,0 +1,30 @@
+from __future__ import annotations
+
+from sgbd.sources.categories import TABLE_CATEGORY, TOD_CATEGORIES, TOD_GROUPS, TOD_SYNSETS, TODZ_SEEN, TODZ_UNSEEN
+
+
+def test_there_are_25_categories_and_the_table_comes_after_them() -> None:
+    assert len(set(TOD_CATEGORIES)) == 25
+    assert TABLE_CATEGORY == 26
+
+
+def test_the_order_is_that_of_the_synsets_and_of_the_names() -> None:
+    assert list(TOD_SYNSETS) == sorted(TOD_SYNSETS)
+    assert list(TOD_CATEGORIES) == sorted(TOD_CATEGORIES)
+    assert all(len(synset) == 8 for synset in TOD_SYNSETS)
+
+
+def test_seen_and_unseen_divide_the_categories_as_in_the_paper() -> None:
+    assert len(TODZ_SEEN) == 12
+    assert TODZ_UNSEEN == {
+        "bowl", "bottle", "jar", "pot", "dishwasher", "printer", "telephone", "computer_keyboard", "display", "laptop",
+        "helmet", "knife", "birdhouse",
+    }  # fmt: skip
+    assert set(TOD_CATEGORIES) == TODZ_SEEN | TODZ_UNSEEN
+
+
+def test_the_groups_divide_the_categories_and_about_half_of_each_is_seen() -> None:
+    members = [name for group in TOD_GROUPS.values() for name in group]
+    assert sorted(members) == sorted(TOD_CATEGORIES)
+    seen = {group: len(TODZ_SEEN & set(names)) for group, names in TOD_GROUPS.items()}
+    assert seen == {"containers": 4, "cubics": 2, "electronics": 4, "miscellaneous": 2}

@@ -1,0 +1,142 @@
+"""The frame's validation: what comes in is brought to one form, or an error says what to do."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from sgbd.frame import Frame, FrameError, Intrinsics
+
+
+def rgb(height: int = 3, width: int = 4) -> npt.NDArray[np.uint8]:
+    return np.arange(height * width * 3, dtype=np.uint8).reshape(height, width, 3)
+
+
+def metres(height: int = 3, width: int = 4, value: float = 1.5) -> npt.NDArray[np.float32]:
+    return np.full((height, width), value, dtype=np.float32)
+
+
+def test_a_valid_frame_keeps_its_values() -> None:
+    instances = np.array([[-1, 0, 1, 2]] * 3, dtype=np.int64)
+    camera = Intrinsics(10, 11, 2, 1)
+    frame = Frame(rgb(), metres(), camera, instances, {2: "mug"}, "one")
+    assert np.array_equal(frame.rgb, rgb())
+    assert np.array_equal(frame.depth, metres())
+    assert frame.instances is not None
+    assert np.array_equal(frame.instances, instances)
+    assert (frame.rgb.dtype, frame.depth.dtype, frame.instances.dtype) == (np.uint8, np.float32, np.int32)
+    assert (frame.height, frame.width, frame.name, frame.categories) == (3, 4, "one", {2: "mug"})
+    assert frame.camera is camera
+
+
+def test_integer_depth_is_millimetres() -> None:
+    depth = np.array([[0, 1, 1500, 65535]], dtype=np.uint16)
+    assert Frame(rgb(1, 4), depth).depth.tolist() == pytest.approx([[0, 0.001, 1.5, 65.535]])
+
+
+def test_invalid_depth_becomes_missing() -> None:
+    depth = np.array([[np.nan, np.inf, -np.inf, -1.0, 0.0, 2.0]])
+    assert Frame(rgb(1, 6), depth).depth.tolist() == [[0, 0, 0, 0, 0, 2]]
+
+
+@given(
+    arrays.arrays(
+        np.float32,
+        st.tuples(st.integers(1, 6), st.integers(1, 6)),
+        elements=st.one_of(
+            st.floats(0.125, 50, width=32), st.sampled_from([0.0, -1.0, float("nan"), float("inf"), float("-inf")])
+        ),
+    )
+)
+def test_depth_is_finite_and_nonnegative_or_refused(depth: npt.NDArray[np.float32]) -> None:
+    usable = np.isfinite(depth) & (depth > 0)
+    colours = np.zeros((*depth.shape, 3), dtype=np.uint8)
+    if usable.any():
+        assert np.array_equal(Frame(colours, depth).depth, np.where(usable, depth, 0))
+    else:
+        with pytest.raises(FrameError, match="missing"):
+            Frame(colours, depth)
+
+
+def test_the_callers_depth_is_left_alone() -> None:
+    depth = np.array([[np.nan, 1.0]], dtype=np.float32)
+    Frame(rgb(1, 2), depth)
+    assert np.isnan(depth[0, 0])
+
+
+def test_arrays_become_contiguous() -> None:
+    frame = Frame(rgb(4, 3).transpose(1, 0, 2), metres(4, 3).T, instances=np.zeros((4, 3), np.int32).T)
+    assert frame.instances is not None
+    assert all(array.flags.c_contiguous for array in (frame.rgb, frame.depth, frame.instances))
+
+
+@pytest.mark.parametrize(
+    ("colours", "message"),
+    [
+        (np.zeros((3, 4), np.uint8), r"shape \(3, 4\)"),
+        (np.zeros((3, 4, 4), np.uint8), "alpha"),
+        (np.zeros((3, 4, 3), np.float32), "float32.*255"),
+        (np.zeros((0, 4, 3), np.uint8), "no pixels"),
+    ],
+)
+def test_bad_colours_are_refused(colours: npt.NDArray[np.generic], message: str) -> None:
+    with pytest.raises(FrameError, match=message):
+        Frame(colours, metres())  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("depth", "message"),
+    [
+        (metres(3, 5), r"rgb is 4x3 and depth 5x3"),
+        (np.ones((3, 4), np.uint8), "8 bits"),
+        (np.ones((3, 4), np.bool_), "8 bits"),
+        (np.ones((3, 4, 3), np.uint16), "picture of the depth"),
+        (np.ones((3, 4), np.complex64), "complex64"),
+        (np.zeros((3, 4), np.uint16), "every depth value is missing"),
+        (np.full((3, 4), np.nan), "every depth value is missing"),
+        (metres(value=1500), "1500 m.*divide"),
+    ],
+)
+def test_bad_depth_is_refused(depth: npt.NDArray[np.generic], message: str) -> None:
+    with pytest.raises(FrameError, match=message):
+        Frame(rgb(), depth)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("instances", "message"),
+    [
+        (np.zeros((3, 5), np.int32), r"\(3, 5\)"),
+        (np.zeros((3, 4), np.float32), "integer"),
+        (np.full((3, 4), -2), "got -2"),
+    ],
+)
+def test_bad_instances_are_refused(instances: npt.NDArray[np.generic], message: str) -> None:
+    with pytest.raises(FrameError, match=message):
+        Frame(rgb(), metres(), instances=instances)  # type: ignore[arg-type]
+
+
+def test_an_error_names_the_frame() -> None:
+    with pytest.raises(FrameError, match="scene_3/2"):
+        Frame(rgb(), metres(3, 5), name="scene_3/2")
+
+
+def test_categories_need_integer_ids() -> None:
+    with pytest.raises(FrameError, match="mug"):
+        Frame(rgb(), metres(), categories={"mug": 2})  # type: ignore[dict-item]
+
+
+def test_unknown_camera_is_the_default() -> None:
+    assert Frame(rgb(480, 640), metres(480, 640)).camera == Intrinsics(569.6, 569.6, 319.5, 239.5)
+
+
+@pytest.mark.parametrize("field", ["fx", "fy"])
+@pytest.mark.parametrize("value", [0.0, -5.0, float("nan"), float("inf")])
+def test_a_camera_must_project(field: str, value: float) -> None:
+    with pytest.raises(FrameError, match="fx > 0"):
+        dataclasses.replace(Intrinsics(1, 1, 0, 0), **{field: value})
