@@ -1,0 +1,9 @@
+"""Networks on superpixel graphs: which neighbours to merge, and what is an object."""
+
+from sgbd.models.attention import EdgeTransformer
+from sgbd.models.edge_classifier import EdgeClassifier
+from sgbd.models.gated_gcn import GatedGCN
+from sgbd.models.mlp import SharedMLP
+from sgbd.models.objectness import ObjectnessHead, object_targets
+
+__all__ = ["EdgeClassifier", "EdgeTransformer", "GatedGCN", "ObjectnessHead", "SharedMLP", "object_targets"]

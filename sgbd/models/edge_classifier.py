@@ -1,0 +1,125 @@
+"""The interface of all models that decide which neighbouring superpixels to merge."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import torch
+from torch import Tensor, nn
+from torch_geometric.data import Data
+
+from sgbd.graph import edge_positions
+from sgbd.models.standardize import Standardize
+
+
+class EdgeClassifier(nn.Module, ABC):
+    r"""A network that gives every asked-for pair of superpixels a merge logit.
+
+    The work is divided in two, so that a model says only what is its own:
+
+    * `embed` turns the features of the whole graph into node and edge states. Message passing happens here, and it
+      always sees the whole graph, whatever pairs are asked for. The default hands the standardised features on.
+    * `score` turns the states at the two ends of a directed pair, and of the edge between them, into a logit.
+
+    Merging has no direction, but `score` may have one. During training a pair is scored in the direction that it is
+    given in (the sampler turns a random half of them). In evaluation the logit is
+    :math:`\tfrac12(s_{ij} + s_{ji})`, which does not change when the two ends change places, to the last bit.
+
+    A class of your own needs to define `score` only, and is chosen with `model._target_=your_package.YourModel`. Its
+    constructor receives `node_channels` and `edge_channels` beside what the configuration says.
+
+    Args:
+        node_channels: Columns F of `Data.x`.
+        edge_channels: Columns D of `Data.edge_attr`; may be 0.
+
+    Raises:
+        ValueError: If a number of columns is negative, or both are 0.
+    """
+
+    def __init__(self, node_channels: int, edge_channels: int = 0) -> None:
+        super().__init__()
+        if node_channels < 0 or edge_channels < 0 or node_channels + edge_channels == 0:
+            raise ValueError(
+                "a model needs at least one feature column; got "
+                f"node_channels={node_channels}, edge_channels={edge_channels}"
+            )
+        self.node_channels = node_channels
+        self.edge_channels = edge_channels
+        self.standardize_nodes = Standardize(node_channels)
+        self.standardize_edges = Standardize(edge_channels)
+
+    @property
+    def state_channels(self) -> tuple[int, int]:
+        """Width of the node states and of the edge states that `score` receives."""
+        return self.node_channels, self.edge_channels
+
+    def embed(self, x: Tensor, edge_index: Tensor, edge_attr: Tensor) -> tuple[Tensor, Tensor]:
+        """Turn features into states.
+
+        Args:
+            x: float32 [N, F], standardised.
+            edge_index: int64 [2, 2E], every adjacency in both directions.
+            edge_attr: float32 [2E, D], standardised; row k belongs to the directed edge k.
+
+        Returns:
+            Node states [N, H] and edge states [2E, C], as wide as `state_channels` says.
+        """
+        return x, edge_attr
+
+    @abstractmethod
+    def score(self, source: Tensor, target: Tensor, edge: Tensor) -> Tensor:
+        """Score directed pairs.
+
+        Args:
+            source: float32 [P, H], states of the nodes that the pairs start from.
+            target: float32 [P, H], states of the nodes that they point to.
+            edge: float32 [P, C], states of the directed edges between them.
+
+        Returns:
+            float32 [P], merge logits.
+        """
+
+    def forward(self, data: Data) -> Tensor:
+        """Give the merge logit of every pair in `data.edge_label_index`.
+
+        Args:
+            data: A graph or a batch of graphs. `edge_label_index` int64 [2, P] may name any of the graph's
+                adjacencies, in any order and direction, repeatedly too.
+
+        Returns:
+            float32 [P], merge logits; the merge probability is their sigmoid.
+
+        Raises:
+            ValueError: If the features are not as wide as the model expects, or a pair is no edge of the graph.
+        """
+        self._check_width("x", data.x, self.node_channels, "node")
+        self._check_width("edge_attr", data.edge_attr, self.edge_channels, "edge")
+        pairs = data.edge_label_index
+        nodes, edges = self.embed(
+            self.standardize_nodes(data.x), data.edge_index, self.standardize_edges(data.edge_attr)
+        )
+        if self.training:
+            source, target, edge = self._states(nodes, edges, data.edge_index, pairs)
+            return self.score(source, target, edge)
+        # One fixed order of the two ends makes the sum the same to the last bit whichever way a pair is given: matrix
+        # products may round a row differently at another place in the matrix.
+        forth = torch.stack([pairs.amin(0), pairs.amax(0)])
+        source, target, edge = self._states(nodes, edges, data.edge_index, torch.cat([forth, forth.flip(0)], dim=1))
+        logits = self.score(source, target, edge)
+        count = pairs.size(1)
+        return (logits[:count] + logits[count:]) / 2
+
+    def _states(self, nodes: Tensor, edges: Tensor, edge_index: Tensor, pairs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        source, target = nodes[pairs[0]], nodes[pairs[1]]
+        if edges.size(1) == 0:
+            return source, target, edges.new_empty(pairs.size(1), 0)
+        return source, target, edges[edge_positions(edge_index, pairs, nodes.size(0))]
+
+    @staticmethod
+    def _check_width(field: str, rows: Tensor | None, expected: int, group: str) -> None:
+        given = "none" if rows is None else f"shape {tuple(rows.shape)}"
+        if rows is None or rows.dim() != 2 or rows.size(1) != expected:
+            raise ValueError(
+                f"the model was built for {expected} {group} feature columns; data.{field} has {given}. "
+                f"Select the same {group} features as in training (a checkpoint lists them in its recipe)."
+            )

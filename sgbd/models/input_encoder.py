@@ -1,0 +1,38 @@
+"""Linear encoding of feature columns, of which there may be none."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+
+class InputEncoder(nn.Module):
+    """A linear layer; without input columns, its bias alone: one learned state for all rows.
+
+    `torch.nn.Linear` with no inputs warns when it is built and starts the bias at exactly 0, where all gates are
+    equal.
+
+    Args:
+        in_channels: Number of feature columns; may be 0.
+        out_channels: Width of the states.
+    """
+
+    def __init__(self, in_channels: int, out_channels: int) -> None:
+        super().__init__()
+        self.linear = nn.Linear(in_channels, out_channels) if in_channels else None
+        self.state = None if in_channels else nn.Parameter(torch.randn(out_channels) / out_channels**0.5)
+
+    def forward(self, rows: Tensor) -> Tensor:
+        """Encode rows.
+
+        Args:
+            rows: float32 [R, in_channels].
+
+        Returns:
+            float32 [R, out_channels].
+        """
+        if self.state is not None:
+            return self.state.expand(rows.size(0), -1)
+        assert self.linear is not None
+        encoded: Tensor = self.linear(rows)
+        return encoded

@@ -1,0 +1,87 @@
+"""Which superpixels belong to objects, and not to the table, the floor or the walls."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+from torch_geometric.data import Data
+from torch_geometric.nn import MLP
+from torch_geometric.utils import scatter
+
+from sgbd.frame import SUPPORT
+from sgbd.models.standardize import Standardize
+
+
+class ObjectnessHead(nn.Module):
+    """A small perceptron that gives every superpixel an object logit.
+
+    It sees the superpixel's own features, their mean over its neighbours and their mean over its graph: an object is
+    what differs from its surroundings. It has parameters of its own, so that the edge model's number of parameters
+    stays what it is without it.
+
+    Args:
+        node_channels: Columns F of `Data.x`.
+        hidden_channels: Width of each hidden layer.
+        dropout: Share of hidden units dropped in training.
+
+    Raises:
+        ValueError: If there are no feature columns or no hidden layers.
+    """
+
+    def __init__(self, node_channels: int, hidden_channels: Sequence[int] = (64, 32), dropout: float = 0.0) -> None:
+        super().__init__()
+        if node_channels < 1 or not hidden_channels:
+            raise ValueError(
+                "ObjectnessHead needs at least one node feature column and one hidden layer; got "
+                f"node_channels={node_channels}, hidden_channels={list(hidden_channels)}. "
+                "Choose objectness=none to do without it."
+            )
+        self.node_channels = node_channels
+        self.standardize_nodes = Standardize(node_channels)
+        self.mlp = MLP(
+            [3 * node_channels, *hidden_channels, 1],
+            dropout=dropout,
+            norm="batch_norm",
+            norm_kwargs={"allow_single_element": True},
+        )
+
+    def forward(self, data: Data) -> Tensor:
+        """Give the object logit of every superpixel.
+
+        Args:
+            data: A graph or a batch of graphs.
+
+        Returns:
+            float32 [N], object logits; the objectness is their sigmoid.
+
+        Raises:
+            ValueError: If `data.x` is not as wide as the head expects.
+        """
+        if data.x is None or data.x.dim() != 2 or data.x.size(1) != self.node_channels:
+            given = "none" if data.x is None else f"shape {tuple(data.x.shape)}"
+            raise ValueError(
+                f"the objectness head was built for {self.node_channels} node feature columns; data.x has {given}. "
+                "Select the same node features as in training."
+            )
+        x = self.standardize_nodes(data.x)
+        neighbour, centre = data.edge_index
+        around = scatter(x[neighbour], centre, dim_size=x.size(0), reduce="mean")
+        graph = getattr(data, "batch", None)
+        whole = x.mean(0, keepdim=True).expand_as(x) if graph is None else scatter(x, graph, reduce="mean")[graph]
+        logits: Tensor = self.mlp(torch.cat([x, around, whole], dim=1))
+        return logits.squeeze(1)
+
+
+def object_targets(node_instance: Tensor) -> Tensor:
+    """Say what the objectness head should answer.
+
+    Args:
+        node_instance: int64 [N], truth instance of each superpixel: -1 unknown, 0 background, 1 supporting surface,
+            2 and more objects.
+
+    Returns:
+        float32 [N]: 1 object, 0 not an object, -1 unknown (not trained on).
+    """
+    return torch.where(node_instance < 0, -1.0, (node_instance > SUPPORT).float())
