@@ -32,13 +32,20 @@ class GraphBuilder:
     def __init__(self, adjacency: Adjacency = border_pairs) -> None:
         self.adjacency = adjacency
 
-    def __call__(self, frame: Frame, label_map: LabelMap, category_names: Sequence[str] = ()) -> Data:
+    def __call__(
+        self, frame: Frame, label_map: LabelMap, category_names: Sequence[str] = (), *, store_maps: bool = True
+    ) -> Data:
         """Build the graph of a frame; see `build_graph`."""
-        return build_graph(frame, label_map, self.adjacency, category_names)
+        return build_graph(frame, label_map, self.adjacency, category_names, store_maps=store_maps)
 
 
 def build_graph(
-    frame: Frame, label_map: LabelMap, adjacency: Adjacency = border_pairs, category_names: Sequence[str] = ()
+    frame: Frame,
+    label_map: LabelMap,
+    adjacency: Adjacency = border_pairs,
+    category_names: Sequence[str] = (),
+    *,
+    store_maps: bool = True,
 ) -> Data:
     """Build the superpixel graph of a frame, with all features, and with labels where the frame has instances.
 
@@ -48,6 +55,7 @@ def build_graph(
         adjacency: Label map to pairs of superpixels.
         category_names: All categories of the dataset; the categories of the frame's instances are stored as 1-based
             positions in it.
+        store_maps: Pack the label map and the truth into the graph, for evaluation and pictures.
 
     Returns:
         A plain `Data` with
@@ -58,9 +66,9 @@ def build_graph(
         - edge_label_index: int64 [2, E], each pair once, i < j: the first half of `edge_index`.
         - border_length: float32 [E], pixels; 0 for pairs that do not touch.
         - area: int64 [N], pixels.
-        - label_map: uint8 [B], the packed label map (`sgbd.label_map.unpack`).
         - image_size: int64 [1, 2], height and width.
         - name: the frame's name.
+        - label_map: uint8 [B], the packed label map (`sgbd.label_map.unpack`), unless `store_maps` is off.
 
         and, for a frame with instances,
 
@@ -72,7 +80,7 @@ def build_graph(
           ignored pixels are left out.
         - instance_id, instance_category: int64 [K], the instances of the frame and the position of their category in
           `category_names`, counted from 1; 0 none.
-        - truth_map: uint8 [B'], the packed instances.
+        - truth_map: uint8 [B'], the packed instances, unless `store_maps` is off.
 
     Raises:
         ValueError: If the label map is not of the frame's size, or an instance has a category that is not in
@@ -97,12 +105,15 @@ def build_graph(
         edge_label_index=edge_label_index,
         border_length=torch.from_numpy(sums_of_pairs(pairs, borders)[:, PAIRS].astype(np.float32)),
         area=torch.from_numpy(regions.pixels.astype(np.int64)),
-        label_map=pack(label_map),
         image_size=torch.tensor([[frame.height, frame.width]]),
         name=frame.name,
     )
+    if store_maps:
+        data.label_map = pack(label_map)
     if frame.instances is not None:
         _add_truth(data, frame, frame.instances, label_map, pairs, category_names)
+        if store_maps:
+            data.truth_map = pack(frame.instances)
     return data
 
 
@@ -133,7 +144,6 @@ def _add_truth(
     data.overlap_count = torch.from_numpy(count)
     data.instance_id = torch.from_numpy(ids)
     data.instance_category = torch.tensor([position.get(name or "", 0) for name in names], dtype=torch.int64)
-    data.truth_map = pack(instances)
 
 
 def overlap_table(

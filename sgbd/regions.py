@@ -121,7 +121,7 @@ def _sum_regions_compiled(label_map, rgb, depth, camera, count):  # type: ignore
                 red_squared += r * r
                 green_squared += g * g
                 blue_squared += b * b
-                z = float(depth[row, column])
+                z = np.float64(depth[row, column])
                 if z > 0:
                     x = (column - cx) / fx * z
                     y = y_slope * z
@@ -177,8 +177,9 @@ def sum_regions_numpy(
 @compiled
 def _sum_borders_compiled(label_map, rgb, depth, count):  # type: ignore[no-untyped-def]
     height, width = label_map.shape
-    capacity = 1
-    while capacity < 16 * count + 16:
+    # Connected regions in a plane have fewer than three borders each; the table grows for maps that break that rule.
+    capacity = 16
+    while capacity < 8 * count:
         capacity *= 2
     table, keys, sums, used = _empty_table(capacity)
     for row in range(height):
@@ -203,13 +204,13 @@ def _sum_borders_compiled(label_map, rgb, depth, count):  # type: ignore[no-unty
                     used += 1
                 distance = 0.0
                 for k in range(3):
-                    step = float(rgb[row, column, k]) - float(rgb[next_row, next_column, k])
+                    step = np.float64(rgb[row, column, k]) - np.float64(rgb[next_row, next_column, k])
                     distance += step * step
                 sums[border, PAIRS] += 1
                 sums[border, COLOR_STEP] += np.sqrt(distance)
                 z, next_z = depth[row, column], depth[next_row, next_column]
                 if z > 0 and next_z > 0:
-                    jump = abs(float(z) - float(next_z))
+                    jump = abs(np.float64(z) - np.float64(next_z))
                     if sums[border, VALID_PAIRS] == 0 or jump < sums[border, DEPTH_STEP_MIN]:
                         sums[border, DEPTH_STEP_MIN] = jump
                     sums[border, VALID_PAIRS] += 1

@@ -1,0 +1,181 @@
+"""From the classified edges of a graph to instances: the last step, shared by validation, evaluation and prediction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor, nn
+from torch_geometric.data import Data
+
+from sgbd.partition import Partitioner
+
+
+@dataclass(frozen=True, eq=False)
+class Classification:
+    """What the networks say of one graph.
+
+    Attributes:
+        edge_probability: float32 [E], probability that both ends of each pair of `edge_label_index` belong together.
+        objectness: float32 [N], probability that each superpixel belongs to an object; None without an objectness head.
+    """
+
+    edge_probability: npt.NDArray[np.float32]
+    objectness: npt.NDArray[np.float32] | None
+
+
+@torch.inference_mode()
+def classify(model: nn.Module, objectness: nn.Module | None, data: Data) -> Classification:
+    """Run the networks on one graph.
+
+    Args:
+        model: An edge classifier in evaluation mode.
+        objectness: An objectness head in evaluation mode, or None.
+        data: One graph, on the networks' device.
+
+    Returns:
+        Probabilities of all its edges and superpixels.
+    """
+
+    def probability(logits: Tensor) -> npt.NDArray[np.float32]:
+        return torch.sigmoid(logits).float().cpu().numpy()
+
+    return Classification(probability(model(data)), None if objectness is None else probability(objectness(data)))
+
+
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """A partition of the superpixels, with what is known of each of its S segments.
+
+    Attributes:
+        segment: int64 [N], the segment of each superpixel, 0..S-1.
+        area: int64 [S], pixels.
+        objectness: float32 [S], mean objectness over the segment's pixels; 1 without an objectness head.
+        score: float32 [S], confidence that the segment is one whole object: its objectness times the mean probability,
+            weighted by border length, that its inner edges merge and its outer edges cut.
+        is_object: bool [S], whether the segment is taken for an object.
+    """
+
+    segment: npt.NDArray[np.int64]
+    area: npt.NDArray[np.int64]
+    objectness: npt.NDArray[np.float32]
+    score: npt.NDArray[np.float32]
+    is_object: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class ObjectRule:
+    """Which segments are objects.
+
+    Attributes:
+        min_objectness: Smallest mean objectness of an object, 0 to 1.
+        min_area: Smallest area of an object, pixels.
+    """
+
+    min_objectness: float = 0.5
+    min_area: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            ValueError: If a number is out of its range.
+        """
+        if not 0 <= self.min_objectness <= 1 or self.min_area < 0:
+            raise ValueError(f"objects.min_objectness must lie in 0..1 and objects.min_area be at least 0; got {self}")
+
+
+def partition_graph(data: Data, classification: Classification, partition: Partitioner, rule: ObjectRule) -> Segments:
+    """Partition a classified graph and judge its segments.
+
+    Args:
+        data: The graph.
+        classification: What the networks say of it.
+        partition: The partitioner.
+        rule: Which segments are objects.
+
+    Returns:
+        The segments.
+    """
+    pairs = data.edge_label_index.cpu().numpy()
+    length = data.border_length.cpu().numpy()
+    area = data.area.cpu().numpy()
+    probability = classification.edge_probability
+    segment = partition(len(area), pairs, probability, length)
+    count = int(segment.max(initial=-1)) + 1
+    segment_area = np.bincount(segment, area, count)
+
+    # Pairs that don't touch (bounding-box adjacency) count like one pixel of border.
+    weight = np.maximum(length, 1)
+    inside = segment[pairs[0]] == segment[pairs[1]]
+    right = np.where(inside, probability, 1 - probability) * weight
+    first = segment[pairs[0]]
+    total = np.bincount(first, weight, count)
+    agreement = np.bincount(first, right, count)
+    second = segment[pairs[1]][~inside]
+    total += np.bincount(second, weight[~inside], count)
+    agreement += np.bincount(second, right[~inside], count)
+    confidence = np.where(total > 0, agreement / np.maximum(total, 1e-9), 1.0)
+
+    if classification.objectness is None:
+        objectness = np.ones(count)
+    else:
+        objectness = np.bincount(segment, area * classification.objectness, count) / segment_area
+    return Segments(
+        segment=segment,
+        area=segment_area.astype(np.int64),
+        objectness=objectness.astype(np.float32),
+        score=(objectness * confidence).astype(np.float32),
+        is_object=(objectness >= rule.min_objectness) & (segment_area >= rule.min_area),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Segmentation:
+    """The objects of one frame.
+
+    Attributes:
+        instances: int32 [H, W], 0 not an object, 1..K objects, the one with the largest score first.
+        scores: float32 [K], confidence that each object is one whole object, 0 to 1.
+        objectness: float32 [K], mean probability of its superpixels to belong to an object.
+        superpixels: int32 [H, W], the over-segmentation, ids 0..N-1.
+        edge_index: int64 [2, E], pairs of neighbouring superpixels, i < j.
+        edge_probability: float32 [E], probability that each pair belongs together.
+    """
+
+    instances: npt.NDArray[np.int32]
+    scores: npt.NDArray[np.float32]
+    objectness: npt.NDArray[np.float32]
+    superpixels: npt.NDArray[np.int32]
+    edge_index: npt.NDArray[np.int64]
+    edge_probability: npt.NDArray[np.float32]
+
+
+def paint(
+    superpixels: npt.NDArray[np.int32], data: Data, classification: Classification, segments: Segments
+) -> Segmentation:
+    """Paint the segments that are objects into the image.
+
+    Args:
+        superpixels: int32 [H, W], the label map that the graph was built from.
+        data: The graph.
+        classification: What the networks say of it.
+        segments: Its partition.
+
+    Returns:
+        The objects, numbered by falling score; of equal scores the larger object first.
+    """
+    objects = np.nonzero(segments.is_object)[0]
+    objects = objects[np.lexsort((-segments.area[objects], -segments.score[objects]))]
+    number = np.zeros(len(segments.area), np.int32)
+    number[objects] = np.arange(1, len(objects) + 1)
+    return Segmentation(
+        instances=number[segments.segment][superpixels],
+        scores=segments.score[objects],
+        objectness=segments.objectness[objects],
+        superpixels=superpixels,
+        edge_index=data.edge_label_index.cpu().numpy(),
+        edge_probability=classification.edge_probability,
+    )
