@@ -1,0 +1,191 @@
+"""What SLIC compares pixels by: planes of Lab colours and of scaled depth, smoothed, from compiled loops.
+
+Source of the conversion: IEC 61966-2-1 (sRGB) and CIE 15 (L*a*b*, D65), as `skimage.color.rgb2lab` has them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from sgbd.compiled import compiled
+from sgbd.superpixels.local_k_means import Planes
+
+# Linear sRGB to XYZ, relative to the white point D65 (2 degrees).
+_XYZ = np.array([[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]])
+TO_XYZ = (_XYZ / np.array([[0.95047], [1.0], [1.08883]])).astype(np.float32)
+
+TRUNCATE = 3.0
+"""The Gaussian ends at so many times its width."""
+
+FARTHEST = 65535
+"""Depth is clipped here, millimetres: what a 16-bit depth image can hold."""
+
+
+def linear_intensities(rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
+    """Tabulate the linear intensity of the 256 values of a channel, after the image is stretched to its full range.
+
+    Args:
+        rgb: uint8 [H, W, 3].
+
+    Returns:
+        float32 [256], in [0, 1] for values that occur.
+    """
+    low, high = int(rgb.min()), int(rgb.max())
+    value = np.clip((np.arange(256) - low) / max(high - low, 1), 0, 1)
+    return np.where(value > 0.04045, ((value + 0.055) / 1.055) ** 2.4, value / 12.92).astype(np.float32)
+
+
+def gaussian_weights(sigma: float) -> npt.NDArray[np.float32]:
+    """Return one half of a Gaussian, float32 [radius + 1], from its centre outwards; the whole sums to 1."""
+    radius = int(TRUNCATE * sigma + 0.5)
+    weights = np.exp(-0.5 * (np.arange(radius + 1) / max(sigma, 1e-6)) ** 2)
+    return (weights / (weights[0] + 2 * weights[1:].sum())).astype(np.float32)
+
+
+@compiled
+def write_lab(rgb, intensities, to_xyz, scale, planes, first, last):  # type: ignore[no-untyped-def]
+    """Convert a band of rows to Lab.
+
+    Args:
+        rgb: uint8 [H, W, 3].
+        intensities: float32 [256], from `linear_intensities`.
+        to_xyz: float32 [3, 3], `TO_XYZ`.
+        scale: float32, what L, a and b are multiplied by.
+        planes: float32 [3, H, W], written in the rows `first` to `last` - 1.
+        first: First row of the band.
+        last: Row after the band.
+    """
+    width = rgb.shape[1]
+    linear = np.empty((3, width), np.float32)
+    tristimulus = np.empty(width, np.float32)
+    bits = tristimulus.view(np.int32)
+    third, toe = np.float32(1 / 3), np.float32(0.008856)
+    for row in range(first, last):
+        for column in range(width):
+            linear[0, column] = intensities[rgb[row, column, 0]]
+            linear[1, column] = intensities[rgb[row, column, 1]]
+            linear[2, column] = intensities[rgb[row, column, 2]]
+        red, green, blue = linear[0], linear[1], linear[2]
+        for axis in range(3):
+            from_red, from_green, from_blue = to_xyz[axis, 0], to_xyz[axis, 1], to_xyz[axis, 2]
+            for k in range(width):
+                tristimulus[k] = from_red * red[k] + from_green * green[k] + from_blue * blue[k]
+            # The cube root: a third of a float's bits, read as an integer, is a guess within 6 %; one step of Halley's
+            # method brings it within 2e-4. In loops of their own, both become vector instructions.
+            roots = planes[axis, row]
+            guess = roots.view(np.int32)
+            for k in range(width):
+                guess[k] = np.int32(np.float32(bits[k]) * third) + np.int32(0x2A5137A0)
+            for k in range(width):
+                root, value = roots[k], tristimulus[k]
+                cube = root * root * root
+                root *= (cube + value + value) / (cube + cube + value)
+                roots[k] = root if value > toe else np.float32(7.787) * value + np.float32(16 / 116)
+        x, y, z = planes[0, row], planes[1, row], planes[2, row]
+        for k in range(width):
+            fx, fy, fz = x[k], y[k], z[k]
+            x[k] = (np.float32(116) * fy - np.float32(16)) * scale
+            y[k] = (fx - fy) * (np.float32(500) * scale)
+            z[k] = (fy - fz) * (np.float32(200) * scale)
+
+
+@compiled
+def write_depth(depth, percentile, scale, planes):  # type: ignore[no-untyped-def]
+    """Clip depth at a percentile and stretch it to [0, 1] over its valid pixels.
+
+    The percentile is taken to the millimetre, from a histogram, which needs no sorting.
+
+    Args:
+        depth: float32 [H, W], metres, 0 = missing.
+        percentile: Percentile of the valid pixels, 0 to 100.
+        scale: float32, what the stretched depth z is multiplied by.
+        planes: float32 [3, H, W], written: w z, w and 0, where w is 1 for valid pixels and 0 for missing ones.
+    """
+    height, width = depth.shape
+    histogram = np.zeros(FARTHEST + 1, np.int64)
+    nearest = np.float32(np.inf)
+    for row in range(height):
+        for column in range(width):
+            metres = depth[row, column]
+            histogram[int(min(metres * np.float32(1000) + np.float32(0.5), np.float32(FARTHEST)))] += 1
+            if metres > 0:
+                nearest = min(nearest, metres)
+    # Bin 0 holds the missing pixels, and any so near that they would be missing in a 16-bit image.
+    rank = percentile / 100 * (height * width - histogram[0])
+    passed, millimetres = 0, 0
+    while passed < rank:
+        millimetres += 1
+        passed += histogram[millimetres]
+    ceiling = max(np.float32(millimetres * 0.001), nearest)
+    stretch = scale / (ceiling - nearest) if ceiling > nearest else np.float32(0)
+    for row in range(height):
+        for column in range(width):
+            metres = depth[row, column]
+            valid = np.float32(1) if metres > 0 else np.float32(0)
+            planes[0, row, column] = valid * (min(metres, ceiling) - nearest) * stretch
+            planes[1, row, column] = valid
+            planes[2, row, column] = np.float32(0)
+
+
+@compiled
+def smooth(planes, weights, smoothed, first, last):  # type: ignore[no-untyped-def]
+    """Smooth a band of rows with a Gaussian; the image continues as its own mirror image.
+
+    Args:
+        planes: float32 [3, H, W].
+        weights: float32 [radius + 1], from `gaussian_weights`.
+        smoothed: float32 [3, H, W], written in the rows `first` to `last` - 1.
+        first: First row of the band.
+        last: Row after the band.
+    """
+    count, height, width = planes.shape
+    radius = len(weights) - 1
+    padded = np.empty(width + 2 * radius, np.float32)
+    line = padded[radius : radius + width]
+    for row in range(first, last):
+        for plane in range(count):
+            source = planes[plane, row]
+            for k in range(width):
+                line[k] = weights[0] * source[k]
+            for offset in range(1, radius + 1):
+                weight = weights[offset]
+                above, below = (
+                    planes[plane, _mirror(row - offset, height)],
+                    planes[plane, _mirror(row + offset, height)],
+                )
+                for k in range(width):
+                    line[k] += weight * (above[k] + below[k])
+            for offset in range(1, radius + 1):
+                padded[radius - offset] = line[_mirror(-offset, width)]
+                padded[radius + width - 1 + offset] = line[_mirror(width - 1 + offset, width)]
+            target = smoothed[plane, row]
+            for k in range(width):
+                target[k] = weights[0] * line[k]
+            for offset in range(1, radius + 1):
+                weight = weights[offset]
+                left, right = padded[radius - offset :], padded[radius + offset :]
+                for k in range(width):
+                    target[k] += weight * (left[k] + right[k])
+
+
+@compiled
+def _mirror(index, length):  # type: ignore[no-untyped-def]
+    while index < 0 or index >= length:
+        index = -1 - index if index < 0 else 2 * length - 1 - index
+    return index
+
+
+def unweighted(smoothed: Planes, planes: Planes) -> Planes:
+    """Undo what smoothing does to depth beside missing pixels: divide the mean of w z by the mean of w.
+
+    Args:
+        smoothed: The smoothed planes of `write_depth`.
+        planes: The planes before smoothing.
+
+    Returns:
+        float32 [3, H, W]: w z, w and 0 with the smoothed z and the old w.
+    """
+    result = planes.copy()
+    np.divide(smoothed[0], smoothed[1], out=result[0], where=planes[1] > 0)
+    return result

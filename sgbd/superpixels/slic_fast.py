@@ -1,0 +1,173 @@
+"""SLIC on colour and on depth in compiled code, some twenty times as fast as scikit-image's."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from sgbd.adjacency import LabelMap
+from sgbd.compiled import HAS_NUMBA
+from sgbd.frame import Frame
+from sgbd.superpixels.feature_planes import (
+    TO_XYZ,
+    gaussian_weights,
+    linear_intensities,
+    smooth,
+    unweighted,
+    write_depth,
+    write_lab,
+)
+from sgbd.superpixels.fragments import connected_superpixels
+from sgbd.superpixels.local_k_means import Cells, Planes, assign, cluster
+from sgbd.superpixels.slic import DEPTH_PERCENTILE, Slic
+
+logger = logging.getLogger(__name__)
+
+Run = Callable[[Sequence[Callable[[], Any]]], list[Any]]
+"""Does jobs, in whatever order or side by side, and returns their results in the order of the jobs."""
+
+
+class FastSlic(Slic):
+    """The intersection of a SLIC over-segmentation of the colours and one of the depth, in compiled code.
+
+    What comes out is what `Slic` gives, at equal quality for equal numbers of superpixels, but not the same label map:
+
+    - The centres are found on a sample of the pixels, and a pixel sees the centres of the 3 x 3 cells around it.
+    - Missing depth is not filled: a pixel without depth pulls no centre, and joins the one nearest in the image.
+    - Depth is clipped at its 98th percentile to the millimetre and stretched to [0, 1] over the valid pixels.
+
+    The result does not depend on the number of threads.
+
+    Source: Achanta et al., TPAMI 2012, DOI 10.1109/TPAMI.2012.120.
+
+    Args:
+        n_segments: Superpixels asked for on each of the two; their intersection has about three times as many.
+        rgb: Over-segment by colour.
+        depth: Over-segment by depth.
+        rgb_compactness: Weight of distance in the image against distance in Lab.
+        rgb_sigma: Width of the Gaussian that smooths the colours, pixels.
+        depth_compactness: Weight of distance in the image against distance in scaled depth.
+        depth_sigma: Width of the Gaussian that smooths the depth, pixels. Missing pixels are left out of it.
+        min_size: Pixels a superpixel needs to stay.
+        iterations: Rounds of assignment and update of the centres.
+        subsample: The centres are found on every so many rows and columns.
+        threads: Threads to work in. None: as many as there are processors to run on, at most 2, beyond which there is
+            little to share.
+
+    Raises:
+        ValueError: If neither colour nor depth is asked for, or a number is out of its range.
+    """
+
+    def __init__(
+        self,
+        n_segments: int = 128,
+        *,
+        rgb: bool = True,
+        depth: bool = True,
+        rgb_compactness: float = 10.0,
+        rgb_sigma: float = 1.0,
+        depth_compactness: float = 0.08,
+        depth_sigma: float = 0.01,
+        min_size: int = 25,
+        iterations: int = 8,
+        subsample: int = 4,
+        threads: int | None = None,
+    ) -> None:
+        super().__init__(
+            n_segments,
+            rgb=rgb,
+            depth=depth,
+            rgb_compactness=rgb_compactness,
+            rgb_sigma=rgb_sigma,
+            depth_compactness=depth_compactness,
+            depth_sigma=depth_sigma,
+            min_size=min_size,
+        )
+        if iterations < 0 or subsample < 1 or (threads is not None and threads < 1):
+            raise ValueError(
+                "superpixels: iterations must be at least 0, subsample and threads at least 1; "
+                f"got iterations={iterations}, subsample={subsample}, threads={threads}"
+            )
+        self.iterations = iterations
+        self.subsample = subsample
+        self.threads = threads or min(2, available_processors())
+        if not HAS_NUMBA:
+            logger.warning("numba is not installed: the superpixels are made with scikit-image's SLIC, which is slower")
+
+    def __call__(self, frame: Frame) -> LabelMap:
+        """Over-segment a frame.
+
+        Args:
+            frame: Any frame. One with fewer pixels than `n_segments` gets a superpixel per pixel at the most.
+
+        Returns:
+            int32 [H, W], ids 0..N-1 in raster order of their first pixel, each id one 4-connected region.
+        """
+        if not HAS_NUMBA:
+            return super().__call__(frame)
+        if self.threads == 1:
+            return self._segment(frame, lambda jobs: [job() for job in jobs])
+        # The pool lives as long as the call: one that lived longer would not survive a fork or a pickle.
+        with ThreadPoolExecutor(self.threads) as pool:
+            return self._segment(frame, lambda jobs: list(pool.map(lambda job: job(), jobs)))
+
+    def _segment(self, frame: Frame, run: Run) -> LabelMap:
+        """Take the steps of the method one after the other; `run` does the jobs of one step side by side."""
+        height, width = frame.height, frame.width
+        cells = Cells.grid(height, width, self.n_segments)
+        images = self._planes(frame, run)
+        forms = run(
+            [partial(cluster, planes, cells, weighted, self.iterations, self.subsample) for planes, weighted in images]
+        )
+        labels = [np.empty((height, width), np.int32) for _ in images]
+        run(
+            [
+                partial(assign, planes, cells.tops, cells.lefts, form, label, first, last)
+                for (planes, _), form, label in zip(images, forms, labels, strict=True)
+                for first, last in self._bands(height)
+            ]
+        )
+        return connected_superpixels(labels[0], labels[-1], self.min_size)
+
+    def _planes(self, frame: Frame, run: Run) -> list[tuple[Planes, bool]]:
+        """Return the planes to cluster, and of each whether it has weights."""
+        shape = (3, frame.height, frame.width)
+        images, jobs = [], []
+        bands = self._bands(frame.height)
+        if self.rgb:
+            lab = np.empty(shape, np.float32)
+            images.append((lab, False))
+            intensities, scale = linear_intensities(frame.rgb), np.float32(1 / self.rgb_compactness)
+            jobs += [partial(write_lab, frame.rgb, intensities, TO_XYZ, scale, lab, *band) for band in bands]
+        if self.depth:
+            depth = np.empty(shape, np.float32)
+            images.append((depth, True))
+            scale = np.float32(1 / self.depth_compactness)
+            jobs.append(partial(write_depth, frame.depth, DEPTH_PERCENTILE, scale, depth))
+        run(jobs)
+        return [(self._smoothed(planes, weighted, run), weighted) for planes, weighted in images]
+
+    def _smoothed(self, planes: Planes, weighted: bool, run: Run) -> Planes:
+        weights = gaussian_weights(self.depth_sigma if weighted else self.rgb_sigma)
+        if len(weights) == 1:
+            return planes
+        smoothed = np.empty_like(planes)
+        run([partial(smooth, planes, weights, smoothed, *band) for band in self._bands(planes.shape[1])])
+        return unweighted(smoothed, planes) if weighted else smoothed
+
+    def _bands(self, height: int) -> list[tuple[int, int]]:
+        """Cut the rows into a band for each thread."""
+        edges = [height * k // self.threads for k in range(self.threads + 1)]
+        return list(pairwise(edges))
+
+
+def available_processors() -> int:
+    """Return the number of processors that this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
