@@ -1,0 +1,215 @@
+"""Boundary precision, recall and F-measure of objects.
+
+The contour of an object is compared with the contour of the object it is matched with (see `sgbd.metrics.overlap`): a
+contour pixel is right if the other contour passes within a disk around it. After F. Perazzi et al., "A benchmark
+dataset and evaluation methodology for video object segmentation", CVPR 2016, with the contour and the radius of the
+published evaluation of unseen-object segmentation (C. Xie et al., CoRL 2019):
+
+- the *contour* of a mask is the part of the mask that has one of its four neighbours in the mask's outside, which is
+  everything that is 4-connected to beyond the image edge without crossing the mask. So it lies on the mask, it
+  follows the image edge where the mask touches it, and holes (and what lies in them) have no contour;
+- the disk holds the offsets with dx² + dy² <= r², r = ceil(0.003 · image diagonal) pixels, 3 for 640 x 480.
+
+Ignored pixels belong to no mask, neither predicted nor true: both maps are cleared there, and then compared. No
+contour pixel ever lies on an ignored pixel, and what is predicted there changes nothing; where two matched masks are
+both cut off by the same ignored region, their contours agree along it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sgbd.compiled import compiled
+from sgbd.metrics.contingency import IGNORE
+from sgbd.metrics.f_measure import precision_recall_f
+from sgbd.metrics.label_index import as_label_map, label_index
+from sgbd.metrics.overlap import Matching
+
+RADIUS_SHARE: float = 0.003
+"""Radius of the matching disk as a share of the image diagonal."""
+
+
+@dataclass(frozen=True)
+class BoundaryScores:
+    """Agreement of the contours of predicted and true objects in one frame.
+
+    Attributes:
+        precision: share (0 to 1) of the predicted objects' contour pixels that are matched.
+        recall: share of the true objects' contour pixels that are matched.
+        f_measure: harmonic mean of the two.
+    """
+
+    precision: float
+    recall: float
+    f_measure: float
+
+
+@dataclass(frozen=True, eq=False)
+class ContourMatch:
+    """Contour pixels of the objects of one frame, and how many of them are matched.
+
+    Attributes:
+        predicted_length: int64 [P], contour pixels of each of the matching's predicted objects.
+        predicted_matched: int64 [P], those near the contour of the true object it is matched with.
+        true_length: int64 [Q], contour pixels of each true object.
+        true_matched: int64 [Q], those near the contour of the predicted object it is matched with.
+    """
+
+    predicted_length: NDArray[np.int64]
+    predicted_matched: NDArray[np.int64]
+    true_length: NDArray[np.int64]
+    true_matched: NDArray[np.int64]
+
+
+def matching_radius(height: int, width: int) -> int:
+    """Radius of the matching disk, in pixels."""
+    return math.ceil(RADIUS_SHARE * math.hypot(height, width))
+
+
+def contours(label_map: ArrayLike, labels: ArrayLike) -> NDArray[np.int32]:
+    """Contours of the masks of some labels.
+
+    Args:
+        label_map: integers [H, W].
+        labels: the distinct labels [K] that have a contour.
+
+    Returns:
+        int32 [H, W]: k on the contour of ``labels[k]``, -1 elsewhere. Masks don't overlap, so neither do contours.
+    """
+    label_map = as_label_map(label_map, "the label map", lowest=IGNORE)
+    labels = np.asarray(labels, dtype=np.int64)
+    return _contours(label_index(label_map, labels), len(labels))
+
+
+def match_contours(prediction: ArrayLike, truth: ArrayLike, matching: Matching) -> ContourMatch:
+    """Match the contours of matched objects.
+
+    Args:
+        prediction: integers [H, W], predicted segment of each pixel.
+        truth: integers [H, W], true instance of each pixel, -1 = ignore.
+        matching: the objects and their matches.
+
+    Raises:
+        ValueError: if the maps aren't integer label maps of one shape.
+    """
+    prediction = as_label_map(prediction, "the prediction")
+    truth = as_label_map(truth, "the truth", lowest=IGNORE)
+    if prediction.shape != truth.shape:
+        raise ValueError(
+            f"prediction and truth must have one shape, got {list(prediction.shape)} and {list(truth.shape)}"
+        )
+    predicted_objects, true_objects = matching.predicted_objects, matching.true_objects
+    predicted_mask = label_index(prediction, predicted_objects)
+    predicted_mask[truth == IGNORE] = -1
+    predicted_contour = _contours(predicted_mask, len(predicted_objects))
+    true_contour = _contours(label_index(truth, true_objects), len(true_objects))
+
+    partner_of_predicted = np.full(len(predicted_objects), -1, dtype=np.int32)
+    partner_of_true = np.full(len(true_objects), -1, dtype=np.int32)
+    p, q = label_index(matching.segment, predicted_objects), label_index(matching.instance, true_objects)
+    partner_of_predicted[p] = q
+    partner_of_true[q] = p
+
+    disk = _disk(matching_radius(*prediction.shape))
+    predicted_length, predicted_matched = _count_matched(predicted_contour, true_contour, partner_of_predicted, disk)
+    true_length, true_matched = _count_matched(true_contour, predicted_contour, partner_of_true, disk)
+    return ContourMatch(predicted_length, predicted_matched, true_length, true_matched)
+
+
+def boundary_scores(prediction: ArrayLike, truth: ArrayLike, matching: Matching) -> BoundaryScores:
+    """Boundary precision, recall and F-measure of one frame; arguments as of `match_contours`."""
+    match = match_contours(prediction, truth, matching)
+    return BoundaryScores(
+        *precision_recall_f(
+            int(match.predicted_matched.sum()),
+            int(match.predicted_length.sum()),
+            int(match.true_matched.sum()),
+            int(match.true_length.sum()),
+        )
+    )
+
+
+def _disk(radius: int) -> NDArray[np.int64]:
+    """Offsets (dy, dx) within the radius [D, 2], nearest first, so that a search ends early."""
+    dy, dx = np.mgrid[-radius : radius + 1, -radius : radius + 1].reshape(2, -1)
+    squared = dy * dy + dx * dx
+    order = np.argsort(squared, kind="stable")
+    order = order[squared[order] <= radius * radius]
+    return np.stack([dy[order], dx[order]], axis=1)
+
+
+@compiled
+def _contours(mask: NDArray[np.int32], count: int) -> NDArray[np.int32]:
+    """Contour of each mask k (the pixels where `mask` is k), by filling its outside within its bounding box."""
+    height, width = mask.shape
+    top = np.full(count, height, dtype=np.int64)
+    bottom = np.full(count, -1, dtype=np.int64)
+    left = np.full(count, width, dtype=np.int64)
+    right = np.full(count, -1, dtype=np.int64)
+    for y in range(height):
+        for x in range(width):
+            k = mask[y, x]
+            if k >= 0:
+                top[k] = min(top[k], y)
+                bottom[k] = y
+                left[k] = min(left[k], x)
+                right[k] = max(right[k], x)
+
+    contour = np.full((height, width), -1, dtype=np.int32)
+    outside = np.full((height, width), -1, dtype=np.int32)  # k where the pixel is known to lie outside mask k
+    stack = np.empty(height * width, dtype=np.int64)
+    for k in range(count):
+        size = 0
+        # The outside enters the box wherever the mask leaves its rim free; where it doesn't, the rim is contour.
+        for y in range(top[k], bottom[k] + 1):
+            step = 1 if y == top[k] or y == bottom[k] else max(right[k] - left[k], 1)
+            for x in range(left[k], right[k] + 1, step):
+                if mask[y, x] == k:
+                    contour[y, x] = k
+                else:
+                    outside[y, x] = k
+                    stack[size] = y * width + x
+                    size += 1
+        while size > 0:
+            size -= 1
+            y, x = divmod(stack[size], width)
+            for direction in range(4):
+                v = y + (direction == 0) - (direction == 1)
+                u = x + (direction == 2) - (direction == 3)
+                if v < top[k] or v > bottom[k] or u < left[k] or u > right[k]:
+                    continue
+                if mask[v, u] == k:
+                    contour[v, u] = k
+                elif outside[v, u] != k:
+                    outside[v, u] = k
+                    stack[size] = v * width + u
+                    size += 1
+    return contour
+
+
+@compiled
+def _count_matched(
+    contour: NDArray[np.int32], other: NDArray[np.int32], partner: NDArray[np.int32], disk: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Length of each contour, and how many of its pixels have its partner's contour in `other` within the disk."""
+    height, width = contour.shape
+    length = np.zeros(len(partner), dtype=np.int64)
+    matched = np.zeros(len(partner), dtype=np.int64)
+    for y in range(height):
+        for x in range(width):
+            k = contour[y, x]
+            if k < 0:
+                continue
+            length[k] += 1
+            if partner[k] < 0:
+                continue
+            for d in range(len(disk)):
+                v, u = y + disk[d, 0], x + disk[d, 1]
+                if 0 <= v < height and 0 <= u < width and other[v, u] == partner[k]:
+                    matched[k] += 1
+                    break
+    return length, matched

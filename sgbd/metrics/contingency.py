@@ -1,0 +1,133 @@
+"""The contingency table of a segmentation and the truth: how many pixels each segment shares with each instance.
+
+Every overlap and clustering score is a function of this table alone. Where segments are unions of superpixels it
+follows from the overlap of superpixels and instances without looking at a pixel again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sgbd.metrics.label_index import as_label_map, distinct_labels, label_index
+
+IGNORE: int = -1
+"""Label of the pixels whose truth is unknown. They are left out of every count, on both sides."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContingencyTable:
+    """Pixels shared by segments and instances, without the ignored pixels.
+
+    Attributes:
+        segments: int64 [S], labels of the predicted segments that have a pixel of known truth, ascending.
+        instances: int64 [T], labels of the true instances (0 background, 1 supporting surface, 2+ objects), ascending.
+        counts: int64 [S, T], pixels in both.
+    """
+
+    segments: NDArray[np.int64]
+    instances: NDArray[np.int64]
+    counts: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        if self.counts.shape != (len(self.segments), len(self.instances)):
+            raise ValueError(
+                f"counts must have shape [{len(self.segments)}, {len(self.instances)}] for {len(self.segments)} "
+                f"segments and {len(self.instances)} instances, got {list(self.counts.shape)}"
+            )
+
+    @classmethod
+    def from_label_maps(cls, prediction: ArrayLike, truth: ArrayLike) -> ContingencyTable:
+        """Count over two label maps.
+
+        Args:
+            prediction: integers [H, W], predicted segment of each pixel, not negative.
+            truth: integers [H, W], true instance of each pixel, -1 = ignore.
+
+        Raises:
+            ValueError: if the maps aren't integer label maps of one shape or hold labels that are too low.
+        """
+        prediction = as_label_map(prediction, "the prediction")
+        truth = as_label_map(truth, "the truth", lowest=IGNORE)
+        if prediction.shape != truth.shape:
+            raise ValueError(
+                f"prediction and truth must have one shape, got {list(prediction.shape)} and {list(truth.shape)}: "
+                "resize the prediction (nearest neighbour) to the frame it was made from"
+            )
+        segments, instances = distinct_labels(prediction), distinct_labels(truth)
+        row, column = label_index(prediction, segments), label_index(truth, instances)
+        counts = _histogram(row.ravel(), column.ravel(), (len(segments), len(instances)))
+        return cls._of_known(segments, instances, counts)
+
+    @classmethod
+    def from_superpixels(
+        cls, superpixel: ArrayLike, instance: ArrayLike, count: ArrayLike, segment: ArrayLike
+    ) -> ContingencyTable:
+        """Count over the overlaps of superpixels with instances; equal to counting over the painted label map.
+
+        Args:
+            superpixel: int [M], superpixel of each overlap.
+            instance: int [M], true instance of each overlap; -1 is left out.
+            count: int [M], pixels of each overlap.
+            segment: int [N], segment of each superpixel, not negative.
+
+        Raises:
+            ValueError: if the lengths differ, a superpixel has no segment or a segment is negative.
+        """
+        superpixel, instance = np.asarray(superpixel), np.asarray(instance)
+        count, segment = np.asarray(count), np.asarray(segment)
+        if not superpixel.shape == instance.shape == count.shape or superpixel.ndim != 1:
+            raise ValueError(
+                "superpixel, instance and count of the overlaps must have one length, got shapes "
+                f"{list(superpixel.shape)}, {list(instance.shape)} and {list(count.shape)}"
+            )
+        if superpixel.size and not 0 <= superpixel.min() <= superpixel.max() < len(segment):
+            raise ValueError(
+                f"overlaps name superpixels {superpixel.min()} to {superpixel.max()}, but there are segments for "
+                f"superpixels 0 to {len(segment) - 1}: both must come from one over-segmentation"
+            )
+        if segment.size and segment.min() < 0:
+            raise ValueError(f"segments must not be negative, got {segment.min()}")
+        of_overlap = segment[superpixel]
+        segments, instances = distinct_labels(of_overlap), distinct_labels(instance)
+        row, column = label_index(of_overlap, segments), label_index(instance, instances)
+        counts = _histogram(row, column, (len(segments), len(instances)), count)
+        return cls._of_known(segments, instances, counts)
+
+    @classmethod
+    def _of_known(
+        cls, segments: NDArray[np.int64], instances: NDArray[np.int64], counts: NDArray[np.int64]
+    ) -> ContingencyTable:
+        """Drop the ignored pixels, and the labels without a pixel left."""
+        counts = np.where(instances == IGNORE, 0, counts)
+        row, column = counts.any(axis=1), counts.any(axis=0)
+        return cls(segments[row], instances[column], counts[row][:, column])
+
+    @property
+    def segment_area(self) -> NDArray[np.int64]:
+        """Pixels of known truth in each segment, int64 [S]."""
+        return self.counts.sum(axis=1)
+
+    @property
+    def instance_area(self) -> NDArray[np.int64]:
+        """Pixels of each instance, int64 [T]."""
+        return self.counts.sum(axis=0)
+
+    @property
+    def total(self) -> int:
+        """Pixels of known truth."""
+        return int(self.counts.sum())
+
+
+def _histogram(
+    row: NDArray[np.integer],
+    column: NDArray[np.integer],
+    shape: tuple[int, int],
+    weight: NDArray[np.integer] | None = None,
+) -> NDArray[np.int64]:
+    rows, columns = shape
+    flat = row.astype(np.int64) * columns + column
+    # Weights are summed as float64, which is exact for counts of pixels (below 2**53).
+    return np.bincount(flat, weights=weight, minlength=rows * columns).astype(np.int64).reshape(shape)

@@ -1,0 +1,69 @@
+"""Translation of the labels of an image into positions in a list of labels."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+# Labels up to this are translated with a table; above, with a binary search.
+_LARGEST_TABLE = 1 << 20
+
+
+def as_label_map(label_map: ArrayLike, name: str, lowest: int = 0) -> NDArray[np.integer]:
+    """Check a label map.
+
+    Args:
+        label_map: integers [H, W].
+        name: what to call it in an error.
+        lowest: the lowest label that is allowed.
+
+    Raises:
+        ValueError: if it isn't a two-dimensional array of integers, or holds a label below `lowest`.
+    """
+    array = np.asarray(label_map)
+    if array.ndim != 2 or not np.issubdtype(array.dtype, np.integer):
+        raise ValueError(
+            f"{name} must be an integer label map of shape [H, W], got {array.dtype} of shape {list(array.shape)}"
+        )
+    if array.size and array.min() < lowest:
+        raise ValueError(f"labels of {name} must be at least {lowest}, got {array.min()}")
+    return array
+
+
+def distinct_labels(label_map: NDArray[np.integer]) -> NDArray[np.int64]:
+    """The labels that occur in an array, each once, in ascending order."""
+    if label_map.size == 0:
+        return np.empty(0, dtype=np.int64)
+    lowest, highest = int(label_map.min()), int(label_map.max())
+    if highest - lowest >= _LARGEST_TABLE:
+        return np.unique(label_map).astype(np.int64)
+    occurs = np.zeros(highest - lowest + 1, dtype=bool)
+    occurs[label_map.ravel() - lowest if lowest else label_map.ravel()] = True
+    return np.flatnonzero(occurs) + lowest
+
+
+def label_index(label_map: NDArray[np.integer], labels: ArrayLike) -> NDArray[np.int32]:
+    """The position of every label in a list of labels.
+
+    Args:
+        label_map: labels, of any shape.
+        labels: distinct labels [K], in any order.
+
+    Returns:
+        int32 of the shape of `label_map`: k where it holds ``labels[k]``, -1 where it holds none of them.
+    """
+    labels = np.asarray(labels, dtype=np.int64)
+    if label_map.size == 0 or labels.size == 0:
+        return np.full(label_map.shape, -1, dtype=np.int32)
+    lowest = min(int(label_map.min()), 0)
+    highest = max(int(label_map.max()), 0)
+    if highest - lowest < _LARGEST_TABLE:
+        # Negative labels lie at the end of the table, where negative positions find them.
+        table = np.full(highest - lowest + 1, -1, dtype=np.int32)
+        inside = np.flatnonzero((labels >= lowest) & (labels <= highest))
+        table[labels[inside]] = inside
+        return table[label_map]
+    order = np.argsort(labels)
+    ascending = labels[order]
+    position = np.minimum(np.searchsorted(ascending, label_map), len(labels) - 1)
+    return np.where(ascending[position] == label_map, order[position], -1).astype(np.int32)

@@ -1,0 +1,37 @@
+"""Which instances and which segments are objects.
+
+In the truth the label says so: 0 is background, 1 the supporting surface, everything above an object. A partition of
+superpixels has no such labels, so every protocol must state which of its segments it counts as predicted objects:
+
+- `objects_by_label`: the prediction uses the truth's labels. The published protocol for overlap and boundaries.
+- `objects_by_majority`: a segment counts if most of its pixels lie on true objects. For methods that group pixels but
+  don't say what an object is; it takes knowledge from the truth, so its scores are not comparable with those of a
+  method that decides for itself, and a table must say which was used.
+- `objects_by_contact`: every segment that shares a pixel with a true object. The published protocol per category.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgbd.metrics.contingency import ContingencyTable
+
+FIRST_OBJECT: int = 2
+"""The lowest label of an object; 0 is background and 1 the supporting surface."""
+
+
+def objects_by_label(table: ContingencyTable, first: int = FIRST_OBJECT) -> NDArray[np.int64]:
+    """Labels of the segments from `first` on (1 where 0 alone is "not an object"), int64."""
+    return table.segments[table.segments >= first]
+
+
+def objects_by_majority(table: ContingencyTable) -> NDArray[np.int64]:
+    """Labels of the segments more than half of whose known pixels lie on true objects, int64."""
+    on_objects = table.counts[:, table.instances >= FIRST_OBJECT].sum(axis=1)
+    return table.segments[2 * on_objects > table.segment_area]
+
+
+def objects_by_contact(table: ContingencyTable) -> NDArray[np.int64]:
+    """Labels of the segments that share at least one pixel with a true object, int64."""
+    return table.segments[table.counts[:, table.instances >= FIRST_OBJECT].any(axis=1)]

@@ -1,0 +1,137 @@
+"""Overlap precision, recall and F-measure of objects, and the share of objects detected.
+
+The measure of unseen-object segmentation: A. Dave, P. Tokmakov, D. Ramanan, "Towards segmenting anything that moves",
+ICCV workshops 2019, as C. Xie, Y. Xiang, A. Mousavian, D. Fox, "The best of both modes", CoRL 2019, apply it to single
+frames. Predicted and true objects are matched one to one so that the sum of their pairwise F-measures is greatest;
+precision is then the share of the predicted objects' pixels that lie on their match, recall the share of the true
+objects' pixels that their match covers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import linear_sum_assignment
+
+from sgbd.metrics.contingency import ContingencyTable
+from sgbd.metrics.f_measure import precision_recall_f
+from sgbd.metrics.label_index import label_index
+from sgbd.metrics.objects import FIRST_OBJECT, objects_by_label
+
+DETECTION_THRESHOLD: float = 0.75
+"""An object is detected if the F-measure with its match is above this."""
+
+
+@dataclass(frozen=True, eq=False)
+class Matching:
+    """A one-to-one matching of predicted and true objects.
+
+    Attributes:
+        predicted_objects: int64 [P], labels of all predicted objects, matched or not.
+        true_objects: int64 [Q], labels of all true objects.
+        segment: int64 [K], the matched predicted objects, K = min(P, Q).
+        instance: int64 [K], the true object that each is matched with, ascending.
+        intersection: int64 [K], pixels in both.
+        precision: float64 [K], share of the segment that lies on the instance.
+        recall: float64 [K], share of the instance that the segment covers.
+        f_measure: float64 [K]. 0 where a pair shares no pixel: the published assignment is complete, so what is left
+            over is paired even then.
+    """
+
+    predicted_objects: NDArray[np.int64]
+    true_objects: NDArray[np.int64]
+    segment: NDArray[np.int64]
+    instance: NDArray[np.int64]
+    intersection: NDArray[np.int64]
+    precision: NDArray[np.float64]
+    recall: NDArray[np.float64]
+    f_measure: NDArray[np.float64]
+
+    @property
+    def detected(self) -> int:
+        """How many true objects have a match with an F-measure above 0.75."""
+        return int((self.f_measure > DETECTION_THRESHOLD).sum())
+
+
+@dataclass(frozen=True)
+class OverlapScores:
+    """Overlap of predicted and true objects in one frame.
+
+    Attributes:
+        precision: share (0 to 1) of the predicted objects' pixels that lie on the object they are matched with.
+        recall: share of the true objects' pixels that are covered by the segment they are matched with.
+        f_measure: harmonic mean of the two.
+        detected_share: share of the true objects whose match has F > 0.75 ("F@.75"); without true objects it is 1
+            if nothing was predicted, else 0.
+        predicted: number of predicted objects.
+        detected: number of true objects detected.
+        objects: number of true objects.
+    """
+
+    precision: float
+    recall: float
+    f_measure: float
+    detected_share: float
+    predicted: int
+    detected: int
+    objects: int
+
+
+def match_objects(table: ContingencyTable, objects: ArrayLike | None = None) -> Matching:
+    """Match predicted with true objects so that the sum of the pairs' F-measures is greatest (Hungarian method).
+
+    Args:
+        table: the contingency table of the frame.
+        objects: labels of the segments that are objects; by default those with labels from 2 on, as in the truth.
+            Labels of segments without a pixel of known truth are left out.
+    """
+    if objects is None:
+        objects = objects_by_label(table)
+    predicted_objects = np.intersect1d(np.asarray(objects, dtype=np.int64), table.segments)
+    true_objects = table.instances[table.instances >= FIRST_OBJECT]
+    row = label_index(predicted_objects, table.segments)
+    column = label_index(true_objects, table.instances)
+    shared = table.counts[np.ix_(row, column)].T  # [Q, P]
+    predicted_area = table.segment_area[row]
+    true_area = table.instance_area[column]
+    # 2PR / (P + R) in pixels.
+    pairwise = 2 * shared / (true_area[:, None] + predicted_area[None, :])
+    q, p = linear_sum_assignment(pairwise, maximize=True)
+    intersection = shared[q, p]
+    return Matching(
+        predicted_objects=predicted_objects,
+        true_objects=true_objects,
+        segment=predicted_objects[p],
+        instance=true_objects[q],
+        intersection=intersection,
+        precision=intersection / predicted_area[p],
+        recall=intersection / true_area[q],
+        f_measure=pairwise[q, p],
+    )
+
+
+def overlap_scores(table: ContingencyTable, matching: Matching | None = None) -> OverlapScores:
+    """Overlap precision, recall, F-measure and detected share of one frame.
+
+    Args:
+        table: the contingency table of the frame.
+        matching: of predicted and true objects in `table`; by default the labels say what an object is.
+    """
+    if matching is None:
+        matching = match_objects(table)
+    right = int(matching.intersection.sum())
+    predicted_pixels = table.segment_area[label_index(matching.predicted_objects, table.segments)].sum()
+    true_pixels = table.instance_area[label_index(matching.true_objects, table.instances)].sum()
+    precision, recall, f = precision_recall_f(right, int(predicted_pixels), right, int(true_pixels))
+    predicted, objects = len(matching.predicted_objects), len(matching.true_objects)
+    return OverlapScores(
+        precision=precision,
+        recall=recall,
+        f_measure=f,
+        detected_share=matching.detected / objects if objects else float(predicted == 0),
+        predicted=predicted,
+        detected=matching.detected,
+        objects=objects,
+    )

@@ -1,0 +1,39 @@
+"""Connected components of the edges that are kept: the partition of the SupeRGB-D paper."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from sgbd.partition.partitioner import check_graph, check_threshold, number_by_first_appearance
+
+
+class ConnectedComponents:
+    """Joins whatever is linked by edges with a merge probability above the threshold.
+
+    Fast and simple, but one false merge anywhere between two objects joins them. From E. P. Örnek et al.,
+    "SupeRGB-D", IEEE RA-L 8(6), 2023, arXiv:2212.11922.
+
+    Args:
+        threshold: an edge is kept if its probability is greater.
+    """
+
+    def __init__(self, threshold: float = 0.5) -> None:
+        self.threshold = check_threshold(threshold)
+
+    def __call__(
+        self, num_nodes: int, pairs: ArrayLike, probability: ArrayLike, border_length: ArrayLike
+    ) -> NDArray[np.int64]:
+        """Partition a graph; see `sgbd.partition.Partitioner`. Border lengths play no part."""
+        ends, merge, _ = check_graph(num_nodes, pairs, probability, border_length)
+        if num_nodes == 0:
+            return np.empty(0, dtype=np.int64)
+        kept = ends[:, merge > self.threshold]
+        graph = coo_array((np.ones(kept.shape[1], dtype=np.int8), (kept[0], kept[1])), shape=(num_nodes, num_nodes))
+        _, group = connected_components(graph, directed=False)
+        return number_by_first_appearance(group)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}(threshold={self.threshold})"

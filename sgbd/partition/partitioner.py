@@ -1,0 +1,93 @@
+"""What a partition of a superpixel graph is given and gives back."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+class Partitioner(Protocol):
+    """Groups the superpixels of a graph into segments."""
+
+    def __call__(
+        self, num_nodes: int, pairs: ArrayLike, probability: ArrayLike, border_length: ArrayLike
+    ) -> NDArray[np.int64]:
+        """Partition a graph.
+
+        Args:
+            num_nodes: number of superpixels N.
+            pairs: int [2, E], the two ends of each edge; either order, no edge from a superpixel to itself.
+            probability: float [E], probability that the two ends belong to one instance.
+            border_length: float [E], pixels along which the two ends touch.
+
+        Returns:
+            int64 [N], segment of each superpixel, 0 to S-1, numbered in the order of first appearance.
+        """
+        ...
+
+
+def check_graph(
+    num_nodes: int, pairs: ArrayLike, probability: ArrayLike, border_length: ArrayLike
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Check the input of a `Partitioner` and bring it to int64 [2, E], float64 [E] and float64 [E].
+
+    Raises:
+        ValueError: if shapes disagree, an end isn't a superpixel, an edge joins a superpixel with itself, a
+            probability isn't in 0 to 1 or a border length isn't a finite number from 0 on.
+    """
+    ends = np.asarray(pairs, dtype=np.int64)
+    merge = np.asarray(probability, dtype=np.float64)
+    length = np.asarray(border_length, dtype=np.float64)
+    if num_nodes < 0:
+        raise ValueError(f"the number of superpixels must not be negative, got {num_nodes}")
+    if ends.ndim != 2 or ends.shape[0] != 2:
+        raise ValueError(f"pairs must have shape [2, E], got {list(ends.shape)}")
+    if merge.shape != ends.shape[1:] or length.shape != ends.shape[1:]:
+        raise ValueError(
+            f"there are {ends.shape[1]} pairs, so probability and border_length must have shape [{ends.shape[1]}], "
+            f"got {list(merge.shape)} and {list(length.shape)}"
+        )
+    if ends.size == 0:
+        return ends, merge, length
+    if ends.min() < 0 or ends.max() >= num_nodes:
+        raise ValueError(
+            f"pairs must name superpixels 0 to {num_nodes - 1}, got {ends.min()} to {ends.max()}: "
+            "pairs and num_nodes must come from one graph, not from a batch"
+        )
+    if (ends[0] == ends[1]).any():
+        raise ValueError(f"superpixel {ends[0][ends[0] == ends[1]][0]} is paired with itself")
+    if not (merge.min() >= 0 and merge.max() <= 1):  # written so that NaN fails too
+        raise ValueError(
+            f"probabilities must be in 0 to 1, got {merge.min()} to {merge.max()}: apply the sigmoid to logits first"
+        )
+    if not (length.min() >= 0 and length.max() < np.inf):
+        raise ValueError(f"border lengths must be finite and not negative, got {length.min()} to {length.max()}")
+    return ends, merge, length
+
+
+def check_threshold(threshold: float) -> float:
+    """Check the probability from which edges speak for merging.
+
+    Raises:
+        ValueError: if it isn't between 0 and 1, both excluded.
+    """
+    if not 0 < threshold < 1:
+        raise ValueError(f"threshold must be a probability between 0 and 1 (both excluded), got {threshold}")
+    return float(threshold)
+
+
+def number_by_first_appearance(group: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Rename groups to 0, 1, 2 … in the order in which they first appear.
+
+    Args:
+        group: int [N], any name of each superpixel's group.
+
+    Returns:
+        int64 [N].
+    """
+    _, first, inverse = np.unique(group, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    return rank[inverse]
