@@ -1,0 +1,154 @@
+"""Pictures of frames, superpixels, classified edges, segmentations and training curves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Normalize, hsv_to_rgb
+from matplotlib.figure import Figure
+from skimage.segmentation import find_boundaries
+
+from sgbd.frame import SUPPORT, Frame
+from sgbd.segmentation import Segmentation
+
+GOLDEN_RATIO = 0.618033988749895
+SUPPORT_COLOR = (0.55, 0.55, 0.55)
+IGNORE_COLOR = (0.15, 0.15, 0.15)
+
+
+def instance_colors(count: int) -> npt.NDArray[np.float64]:
+    """Return colours that are easy to tell apart, the same for the same number every time.
+
+    Args:
+        count: How many.
+
+    Returns:
+        float64 [count, 3], RGB from 0 to 1.
+    """
+    number = np.arange(count)
+    # Steps of the golden ratio around the colour circle never come close to an earlier hue for long.
+    hue = (0.07 + number * GOLDEN_RATIO) % 1
+    saturation = np.array([0.85, 0.6, 0.95])[number % 3]
+    value = np.array([0.95, 0.8, 0.65, 0.9])[number % 4]
+    return hsv_to_rgb(np.stack([hue, saturation, value], axis=1)).reshape(count, 3)
+
+
+def overlay(
+    rgb: npt.NDArray[np.uint8], instances: npt.NDArray[np.int32], first: int = 1, opacity: float = 0.55
+) -> npt.NDArray[np.uint8]:
+    """Paint instances over a picture, with white outlines.
+
+    Args:
+        rgb: uint8 [H, W, 3].
+        instances: int32 [H, W]. Ids from `first` on are painted; in truths (`first` = 2) the supporting surface is
+            painted grey and ignored pixels dark.
+        first: The smallest id of an object.
+        opacity: 0 shows only the picture, 1 only the colours.
+
+    Returns:
+        uint8 [H, W, 3].
+    """
+    ids, index = np.unique(instances, return_inverse=True)
+    colors = instance_colors(max(int(ids.max(initial=0)) - first + 1, 0))
+    table = np.zeros((len(ids), 4))
+    for place, number in enumerate(ids.tolist()):
+        if number >= first:
+            table[place] = (*colors[number - first], opacity)
+        elif number == SUPPORT:
+            table[place] = (*SUPPORT_COLOR, opacity / 2)
+        elif number < 0:
+            table[place] = (*IGNORE_COLOR, opacity)
+    paint = table[index.reshape(instances.shape)]
+    mixed = rgb / 255 * (1 - paint[..., 3:]) + paint[..., :3] * paint[..., 3:]
+    mixed[find_boundaries(np.maximum(instances, first - 1), mode="inner", connectivity=1)] = 1
+    return (mixed * 255).round().astype(np.uint8)
+
+
+def segmentation_figure(
+    frame: Frame, segmentation: Segmentation, title: str = "", truth_caption: str = "truth"
+) -> Figure:
+    """Draw a frame and everything the program made of it.
+
+    Args:
+        frame: The frame; its truth is drawn if it has any.
+        segmentation: Its segmentation.
+        title: Written above.
+        truth_caption: Written above the truth.
+
+    Returns:
+        A figure of six panels: colours, depth, superpixels, edges coloured by merge probability, prediction, truth.
+    """
+    figure = Figure(figsize=(13.5, 7.4 * frame.height / frame.width / 0.75 + 0.3), layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(2, 3).ravel()
+    panels[0].imshow(frame.rgb)
+    panels[0].set_title("colour")
+    depth = np.where(frame.depth > 0, frame.depth, np.nan)
+    picture = panels[1].imshow(depth, cmap="viridis", vmax=np.nanpercentile(depth, 98))
+    panels[1].set_title("depth (blank: missing)")
+    figure.colorbar(picture, ax=panels[1], label="metres", fraction=0.04, pad=0.01)
+    panels[2].imshow(_with_boundaries(frame.rgb, segmentation.superpixels))
+    panels[2].set_title(f"{int(segmentation.superpixels.max()) + 1} superpixels")
+    _draw_edges(panels[3], frame, segmentation)
+    figure.colorbar(
+        ScalarMappable(Normalize(0, 1), "RdYlGn"), ax=panels[3], label="merge probability", fraction=0.04, pad=0.01
+    )
+    panels[4].imshow(overlay(frame.rgb, segmentation.instances))
+    panels[4].set_title(f"prediction: {len(segmentation.scores)} objects")
+    if frame.instances is not None:
+        panels[5].imshow(overlay(frame.rgb, frame.instances, first=SUPPORT + 1))
+        panels[5].set_title(f"{truth_caption}: {len(np.unique(frame.instances[frame.instances > SUPPORT]))} objects")
+    for panel in panels:
+        panel.set_axis_off()
+    figure.suptitle(title or frame.name)
+    return figure
+
+
+def _with_boundaries(rgb: npt.NDArray[np.uint8], label_map: npt.NDArray[np.int32]) -> npt.NDArray[np.uint8]:
+    picture = rgb.copy()
+    picture[find_boundaries(label_map, mode="inner", connectivity=1)] = (255, 220, 0)
+    return picture
+
+
+def _draw_edges(panel, frame: Frame, segmentation: Segmentation) -> None:  # type: ignore[no-untyped-def]
+    flat = segmentation.superpixels.ravel()
+    rows, columns = np.divmod(np.arange(flat.size), frame.width)
+    count = np.bincount(flat)
+    centre = np.stack([np.bincount(flat, columns), np.bincount(flat, rows)], axis=1) / count[:, None]
+    panel.imshow((frame.rgb * 0.45).astype(np.uint8))
+    lines = LineCollection(list(centre[segmentation.edge_index.T]), cmap="RdYlGn", norm=Normalize(0, 1), linewidths=1.3)
+    lines.set_array(segmentation.edge_probability)
+    panel.add_collection(lines)
+    panel.set_title(f"{segmentation.edge_index.shape[1]} edges")
+
+
+def curves_figure(curves: Mapping[str, Sequence[tuple[float, float]]], title: str = "") -> Figure:
+    """Draw training curves, losses in one panel and scores in another.
+
+    Args:
+        curves: Points (epoch, value) of each curve; curves with "loss" in their name share the first panel.
+        title: Written above.
+
+    Returns:
+        The figure.
+    """
+    figure = Figure(figsize=(10, 4), layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2)
+    for name, points in curves.items():
+        panel = left if "loss" in name else right
+        epochs, values = zip(*points, strict=True) if points else ((), ())
+        panel.plot(epochs, values, marker="o", markersize=3, label=name)
+    for panel, label in ((left, "loss"), (right, "score")):
+        panel.set_xlabel("epoch")
+        panel.set_ylabel(label)
+        panel.grid(alpha=0.3)
+        if panel.get_lines():
+            panel.legend(fontsize="small")
+    figure.suptitle(title)
+    return figure
