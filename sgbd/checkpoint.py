@@ -1,0 +1,309 @@
+"""A trained model and its whole recipe in one file that holds nothing executable.
+
+The file is in safetensors format: the weights as tensors, and in the metadata one JSON text
+
+    {"format": "sgbd checkpoint", "format_version": 1, "recipe": {...}}
+
+whose recipe says how frames become graphs and graphs become segments, as configurations of classes
+(`_target_` and arguments). Reading instantiates classes below `sgbd` only, and those of packages that the caller
+trusts.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import inspect
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+import safetensors
+import safetensors.torch
+import torch
+
+from sgbd.atomic_file import write_whole
+from sgbd.models import EdgeClassifier, ObjectnessHead
+
+FORMAT = "sgbd checkpoint"
+FORMAT_VERSION = 1
+"""Raised whenever an older reader would misread the file."""
+
+_METADATA = "sgbd"  # one key: safetensors does not keep the order of several, and equal checkpoints must be equal files
+_MODEL, _OBJECTNESS = "model.", "objectness."
+
+Kind = TypeVar("Kind")
+
+
+class CheckpointError(ValueError):
+    """A checkpoint that cannot be used; the message says what was given, what is expected and what to do."""
+
+
+@dataclass
+class Checkpoint:
+    """Weights with the recipe that they belong to.
+
+    Attributes:
+        model: The edge model.
+        objectness: The objectness head, if there is one.
+        recipe: JSON values. `model` and `objectness` (null if there is none) are the configurations that make the
+            modules anew, `node_channels` and `edge_channels` included; other sections (superpixels, graph, features,
+            partition, dataset, scores, versions) are kept as they are.
+    """
+
+    model: EdgeClassifier
+    objectness: ObjectnessHead | None = None
+    recipe: dict[str, Any] = field(default_factory=dict)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the checkpoint atomically.
+
+        Args:
+            path: File to write, by convention `*.safetensors`.
+
+        Returns:
+            The path.
+
+        Raises:
+            CheckpointError: If the recipe does not say how to make the modules, or holds something else than JSON.
+            OSError: If the file cannot be written.
+        """
+        path = Path(path)
+        write_whole(path, self.to_bytes())
+        return path
+
+    def to_bytes(self) -> bytes:
+        """Return the content of the file; errors as `save`."""
+        self._check_recipe()
+        try:
+            header = json.dumps(
+                {"format": FORMAT, "format_version": FORMAT_VERSION, "recipe": self.recipe},
+                allow_nan=False,
+                sort_keys=True,
+            )
+        except (TypeError, ValueError) as error:
+            raise CheckpointError(
+                f"the recipe must hold JSON values only ({error}); resolve a Hydra configuration with "
+                "OmegaConf.to_container(config, resolve=True)"
+            ) from error
+        tensors = {f"{_MODEL}{key}": value for key, value in self.model.state_dict().items()}
+        if self.objectness is not None:
+            tensors |= {f"{_OBJECTNESS}{key}": value for key, value in self.objectness.state_dict().items()}
+        content: bytes = safetensors.torch.save(
+            {key: value.detach().cpu().contiguous() for key, value in tensors.items()}, metadata={_METADATA: header}
+        )
+        return content
+
+    def _check_recipe(self) -> None:
+        for section, module in (("model", self.model), ("objectness", self.objectness)):
+            config = self.recipe.get(section)
+            if module is None and config is None:
+                continue
+            given = config.get("_target_") if isinstance(config, Mapping) else config
+            if module is None or not isinstance(given, str) or given.rpartition(".")[2] != type(module).__name__:
+                raise CheckpointError(
+                    f"the recipe's section {section!r} is {given!r}, but the module to save is "
+                    f"{'none' if module is None else type(module).__name__}. Put the configuration there that made it, "
+                    "for example {'_target_': 'sgbd.models.SharedMLP', 'node_channels': 9, 'edge_channels': 0}."
+                )
+
+    @classmethod
+    def load(cls, path: str | Path, trust: Sequence[str] = ()) -> Checkpoint:
+        """Read a checkpoint.
+
+        Args:
+            path: File of `save`.
+            trust: Names of packages beside `sgbd` whose classes the recipe may name, for models of your own.
+
+        Returns:
+            The checkpoint; modules are on the CPU and in evaluation mode.
+
+        Raises:
+            CheckpointError: If the file is missing, damaged, no checkpoint, of another format version, names classes
+                that are not trusted, or its weights do not fit its recipe.
+        """
+        path = Path(path)
+        recipe, tensors = _read(path)
+        try:
+            model = instantiate(recipe.get("model"), EdgeClassifier, trust)  # type: ignore[type-abstract]
+            objectness = None
+            if recipe.get("objectness") is not None:
+                objectness = instantiate(recipe["objectness"], ObjectnessHead, trust)
+        except CheckpointError as error:
+            raise CheckpointError(f"{path}: {error}") from error
+        modules: list[tuple[str, torch.nn.Module]] = [(_MODEL, model)]
+        if objectness is not None:
+            modules.append((_OBJECTNESS, objectness))
+        for prefix, module in modules:
+            weights = {key.removeprefix(prefix): value for key, value in tensors.items() if key.startswith(prefix)}
+            try:
+                module.load_state_dict(weights)
+            except RuntimeError as error:
+                raise CheckpointError(
+                    f"{path}: the weights do not fit the recipe in the same file; it was changed, or written by "
+                    f"another version of the model's class. {error}"
+                ) from error
+            module.eval()
+        return cls(model, objectness, recipe)
+
+    def require(self, **sections: Any) -> None:
+        """Check that graphs or frames were made with the recipe of this checkpoint.
+
+        Args:
+            **sections: Expected sections, for example `features={"node": [...], "edge": [...]}`.
+
+        Raises:
+            CheckpointError: If one differs; the message names every difference.
+        """
+        differences = [
+            difference
+            for section, value in sections.items()
+            for difference in _differences(section, self.recipe.get(section), value)
+        ]
+        if differences:
+            raise CheckpointError(
+                f"checkpoint of another recipe: {'; '.join(differences)}. "
+                "Prepare the graphs with the checkpoint's recipe, or train a model on these."
+            )
+
+
+def instantiate(config: Any, kind: type[Kind], trust: Sequence[str] = ()) -> Kind:
+    """Make an object from a configuration that came with a file, and so may come from anyone.
+
+    It follows the rules of `hydra.utils.instantiate` for `_target_`, `_partial_` and nested configurations, but makes
+    objects of classes that are defined in `sgbd` or a trusted package only. A function is never called; with
+    `_partial_` it may be referred to, if it is defined in such a package.
+
+    Args:
+        config: Mapping with `_target_` and arguments.
+        kind: The class that the object must be an instance of; `object` for anything.
+        trust: Names of packages beside `sgbd`.
+
+    Returns:
+        The object.
+
+    Raises:
+        CheckpointError: If the class is missing, not trusted, of another kind, or does not take the arguments.
+    """
+    if not isinstance(config, Mapping) or not isinstance(config.get("_target_"), str):
+        raise CheckpointError(f"the recipe names no class for a {kind.__name__}; got {config!r}")
+    name = config["_target_"]
+    target: Any = _resolve(name, trust)
+    partial = config.get("_partial_", False) is True
+    if not (inspect.isclass(target) or (partial and inspect.isfunction(target))):
+        raise CheckpointError(f"the recipe names {name}, which is no class; a checkpoint must not call functions")
+    if inspect.isclass(target) and not partial and not issubclass(target, kind):
+        raise CheckpointError(f"the recipe names {name}, which is no {kind.__name__}")
+    arguments = {
+        key: _values(value, trust) for key, value in config.items() if key not in ("_target_", "_partial_", "_convert_")
+    }
+    if partial:
+        return functools.partial(target, **arguments)  # type: ignore[return-value]
+    try:
+        made: Kind = target(**arguments)
+    except (TypeError, ValueError) as error:
+        raise CheckpointError(
+            f"{name} cannot be made with the recipe's arguments ({error}); the checkpoint may be of another version"
+        ) from error
+    return made
+
+
+def _values(value: Any, trust: Sequence[str]) -> Any:
+    if isinstance(value, Mapping):
+        if "_target_" in value:
+            return instantiate(value, object, trust)
+        return {key: _values(item, trust) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_values(item, trust) for item in value]
+    return value
+
+
+def _resolve(name: str, trust: Sequence[str]) -> Any:
+    trusted = ("sgbd", *([trust] if isinstance(trust, str) else trust))
+
+    def is_trusted(path: str) -> bool:
+        return any(path == package or path.startswith(f"{package}.") for package in trusted)
+
+    refusal = (
+        f"the recipe names {name}, which is not in {' or '.join(trusted)}. If you trust where the file comes from, "
+        f"name its package: trust={[name.partition('.')[0]]}."
+    )
+    if not is_trusted(name):
+        raise CheckpointError(refusal)
+    parts = name.split(".")
+    target: Any = None
+    for end in range(len(parts) - 1, 0, -1):
+        module = ".".join(parts[:end])
+        try:
+            target = importlib.import_module(module)
+        except ModuleNotFoundError as error:
+            if error.name is None or not (module == error.name or module.startswith(f"{error.name}.")):
+                raise CheckpointError(f"the recipe names {name}, which needs a missing package: {error}") from error
+            continue
+        try:
+            for part in parts[end:]:
+                target = getattr(target, part)
+        except AttributeError:
+            target = None
+        break
+    if target is None:
+        raise CheckpointError(
+            f"the recipe names {name}, which does not exist; the checkpoint may be of another version"
+        )
+    # A trusted module also holds what it imported: sgbd.training.os.system is not ours.
+    if not is_trusted(getattr(target, "__module__", None) or ""):
+        raise CheckpointError(refusal)
+    return target
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
+    if not path.is_file():
+        what = "is a folder" if path.is_dir() else "does not exist"
+        raise CheckpointError(
+            f"{path} {what}; expected the file of a trained model, such as outputs/.../checkpoint.safetensors. "
+            "Train one with python -m sgbd.train."
+        )
+    try:
+        with safetensors.safe_open(path, framework="pt") as file:
+            metadata = file.metadata() or {}
+            header = metadata.get(_METADATA)
+            tensors = {key: file.get_tensor(key) for key in file.keys()} if header else {}  # noqa: SIM118
+    except (safetensors.SafetensorError, ValueError, RuntimeError) as error:
+        raise CheckpointError(
+            f"{path} cannot be read as a safetensors file ({error}): it is cut off, damaged, or something else. "
+            "Copy it again, or train anew."
+        ) from error
+    if header is None:
+        raise CheckpointError(
+            f"{path} is a safetensors file without a recipe: bare weights or another program's. Expected a checkpoint "
+            "of python -m sgbd.train."
+        )
+    try:
+        content = json.loads(header)
+        kind, version, recipe = content["format"], content["format_version"], content["recipe"]
+    except (ValueError, LookupError, TypeError) as error:
+        raise CheckpointError(
+            f"{path}: its recipe is damaged ({error}). Copy the file again, or train anew."
+        ) from error
+    if kind != FORMAT or version != FORMAT_VERSION:
+        raise CheckpointError(
+            f"{path} is a {kind!r} of format version {version}; this version of sgbd reads version {FORMAT_VERSION}. "
+            "Use the version of sgbd that wrote it, or train anew."
+        )
+    if not isinstance(recipe, dict):
+        raise CheckpointError(f"{path}: its recipe is damaged (no mapping). Copy the file again, or train anew.")
+    return recipe, tensors
+
+
+def _differences(label: str, ours: Any, theirs: Any) -> list[str]:
+    if isinstance(ours, Mapping) and isinstance(theirs, Mapping):
+        return [
+            difference
+            for key in sorted({*ours, *theirs})
+            for difference in _differences(f"{label}.{key}", ours.get(key), theirs.get(key))
+        ]
+    if isinstance(theirs, tuple):
+        theirs = list(theirs)
+    return [] if ours == theirs else [f"{label} is {ours!r} in the checkpoint and {theirs!r} here"]
