@@ -37,7 +37,7 @@ def test_a_valid_frame_keeps_its_values() -> None:
 
 def test_integer_depth_is_millimetres() -> None:
     depth = np.array([[0, 1, 1500, 65535]], dtype=np.uint16)
-    assert Frame(rgb(1, 4), depth).depth.tolist() == pytest.approx([[0, 0.001, 1.5, 65.535]])
+    assert Frame(rgb(1, 4), depth).depth[0].tolist() == pytest.approx([0, 0.001, 1.5, 65.535])
 
 
 def test_invalid_depth_becomes_missing() -> None:

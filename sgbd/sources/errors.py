@@ -22,7 +22,11 @@ class DatasetNotFoundError(FileNotFoundError):
         self.missing = missing
         self.layout = layout
         self.remedy = remedy
-        super().__init__(root, missing, layout, remedy)
+        super().__init__(missing)
+
+    def __reduce__(self) -> tuple[type[DatasetNotFoundError], tuple[Path, str, str, str]]:
+        # OSError gives arguments a meaning of its own; without this the error could not leave a worker process.
+        return type(self), (self.root, self.missing, self.layout, self.remedy)
 
     def __str__(self) -> str:
         layout = "\n".join(f"    {line}" for line in self.layout.strip().splitlines())
