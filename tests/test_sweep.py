@@ -1,0 +1,300 @@
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from omegaconf import OmegaConf
+
+from sgbd.sweep import config_hash, draw, job_folder, markdown, read_jobs, run_once, summarise, write_table
+
+CONFIG = {"name": "a", "seed": 0, "data_dir": "data", "dataset": {"root": "${data_dir}/tabletop"}, "rate": 0.1}
+
+
+def config(**changes):
+    return OmegaConf.create({**CONFIG, **changes})
+
+
+# --- the identity of a job
+
+
+@pytest.mark.parametrize("change", [{"name": "b"}, {"workers": 3}, {"output_dir": "x"}, {"data_dir": "/elsewhere"}])
+def test_hash_ignores_what_cannot_change_the_result(change):
+    assert config_hash(config(**change)) == config_hash(config(**{key: None for key in change if key not in CONFIG}))
+
+
+@pytest.mark.parametrize("change", [{"seed": 1}, {"rate": 0.2}, {"dataset": {"root": "${data_dir}/other"}}, {"new": 1}])
+def test_hash_sees_everything_else(change):
+    assert config_hash(config(**change)) != config_hash(config())
+
+
+def test_hash_leaves_the_configuration_alone():
+    given = config()
+    config_hash(given)
+    assert OmegaConf.to_container(given) == CONFIG
+
+
+def test_job_folder_is_one_path_component():
+    assert job_folder("features=rgb,model=mlp") == "features=rgb,model=mlp"
+    assert job_folder("dataset.root=/a/b c") == "dataset.root=_a_b_c"
+    assert job_folder("../x") == "_x"
+    assert job_folder("") == "base"
+
+
+def test_long_job_folders_stay_apart():
+    first, second = job_folder("a=" + "x" * 300 + "1"), job_folder("a=" + "x" * 300 + "2")
+    assert first != second
+    assert len(first) == len(second) == 150
+
+
+# --- a job in its folder
+
+
+def count(folder: Path, log: list) -> dict:
+    log.append(folder)
+    (folder / "weights").write_text(str(len(log)))
+    return {"scores": {"f": 50.0 + len(log)}}
+
+
+def test_a_finished_job_is_not_repeated(tmp_path):
+    log: list = []
+    first = run_once(tmp_path, config(), lambda _, folder: count(folder, log))
+    second = run_once(tmp_path, config(data_dir="/moved"), lambda _, folder: count(folder, log))
+    assert len(log) == 1
+    assert first == second
+    assert first["scores"] == {"f": 51.0}
+    assert json.loads((tmp_path / "result.json").read_text()) == first
+    assert OmegaConf.load(tmp_path / "config.yaml").rate == 0.1
+
+
+def test_another_configuration_moves_the_earlier_job_aside(tmp_path):
+    log: list = []
+    for rate in (0.1, 0.2, 0.3):
+        run_once(tmp_path, config(rate=rate), lambda _, folder: count(folder, log))
+    assert (tmp_path / "weights").read_text() == "3"
+    for number, rate in ((1, 0.1), (2, 0.2)):
+        earlier = tmp_path / f"earlier-{number}"
+        assert (earlier / "weights").read_text() == str(number)
+        assert json.loads((earlier / "result.json").read_text())["scores"] == {"f": 50.0 + number}
+        assert OmegaConf.load(earlier / "config.yaml").rate == rate
+    assert not (tmp_path / "earlier-3").exists()
+
+
+def test_files_that_were_there_before_any_job_stay(tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    for rate in (0.1, 0.2):
+        run_once(tmp_path, config(rate=rate), lambda _, folder: count(folder, []))
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+    assert not (tmp_path / "earlier-1" / "notes.txt").exists()
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
+def test_an_interrupted_job_finds_its_files_again(tmp_path, error):
+    def interrupted(_, folder):
+        (folder / "state").write_text("epoch 3")
+        raise error
+
+    with pytest.raises(error):
+        run_once(tmp_path, config(), interrupted)
+    assert not (tmp_path / "result.json").exists()
+    result = run_once(tmp_path, config(), lambda _, folder: {"state": (folder / "state").read_text()})
+    assert result["state"] == "epoch 3"
+
+
+def test_an_interrupted_job_of_another_configuration_is_not_gone_on_with(tmp_path):
+    def interrupted(_, folder):
+        (folder / "state").write_text("epoch 3")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_once(tmp_path, config(), interrupted)
+    result = run_once(tmp_path, config(rate=1), lambda _, folder: {"resumed": (folder / "state").exists()})
+    assert result["resumed"] is False
+    assert (tmp_path / "earlier-1" / "state").read_text() == "epoch 3"
+
+
+def test_of_two_at_once_one_works_and_the_other_waits(tmp_path):
+    log: list = []
+    inside, go_on = threading.Event(), threading.Event()
+
+    def slow(_, folder):
+        inside.set()
+        assert go_on.wait(10)
+        return count(folder, log)
+
+    results: list = []
+    threads = [threading.Thread(target=lambda: results.append(run_once(tmp_path, config(), slow))) for _ in range(2)]
+    threads[0].start()
+    assert inside.wait(10)
+    threads[1].start()
+    go_on.set()
+    for thread in threads:
+        thread.join(10)
+    assert len(log) == 1
+    assert results[0] == results[1]
+
+
+def test_numbers_that_json_lacks_become_null(tmp_path):
+    result = run_once(tmp_path, config(), lambda *_: {"scores": {"f": math.nan}, "where": Path("x")})
+    assert math.isnan(result["scores"]["f"])
+    text = (tmp_path / "result.json").read_text()
+    assert json.loads(text, parse_constant=pytest.fail)["scores"] == {"f": None}
+
+
+# --- the table of a sweep
+
+
+def record(folder: Path, number: int, state: str, scores=None, error=None, **overrides) -> None:
+    seed = overrides.pop("seed", 0)
+    job = folder / f"job{number}"
+    job.mkdir()
+    if scores is not None:
+        (job / "result.json").write_text(json.dumps({"scores": scores, "seconds": 10.0 * number}))
+    (folder / ".jobs").mkdir(exist_ok=True)
+    fields = {"number": number, "overrides": overrides, "seed": seed, "folder": f"job{number}"}
+    (folder / ".jobs" / f"{number:05d}.json").write_text(json.dumps({**fields, "state": state, "error": error}))
+
+
+@pytest.fixture
+def sweep(tmp_path):
+    record(tmp_path, 0, "finished", {"hm/overlap_f": 60.0, "hm/f75": 1.0}, features="rgb", seed=0, sampler="balanced")
+    record(tmp_path, 1, "finished", {"hm/overlap_f": 64.0, "hm/f75": 3.0}, features="rgb", seed=1, sampler="balanced")
+    record(tmp_path, 2, "finished", {"hm/overlap_f": 70.0, "hm/f75": None}, features="all", seed=0, sampler="balanced")
+    record(tmp_path, 3, "failed", error="out of\nmemory", features="all", seed=1, sampler="balanced")
+    record(tmp_path, 4, "unfinished", features="depth", seed=0, sampler="balanced")
+    return tmp_path
+
+
+def test_every_job_is_a_row_in_the_order_of_the_sweep(sweep):
+    jobs = read_jobs(sweep)
+    assert list(jobs["state"]) == ["finished", "finished", "finished", "failed", "unfinished"]
+    assert list(jobs["features"]) == ["rgb", "rgb", "all", "all", "depth"]
+    assert list(jobs["seed"]) == ["0", "1", "0", "1", "0"]
+    assert list(jobs["hm/overlap_f"].dropna()) == [60.0, 64.0, 70.0]
+    assert list(jobs.columns) == [
+        *("job", "features", "sampler", "seed", "state", "hm/overlap_f", "hm/f75", "seconds", "error", "folder")
+    ]
+
+
+def test_seeds_are_averaged_and_failures_counted(sweep):
+    summary = summarise(read_jobs(sweep))
+    assert list(summary["features"]) == ["rgb", "all", "depth"]
+    assert "sampler" not in summary
+    assert summary["hm/overlap_f"].tolist()[:2] == [62.0, 70.0]
+    assert math.isnan(summary["hm/overlap_f"][2])
+    assert summary["hm/overlap_f std"][0] == pytest.approx(math.sqrt(8))
+    assert math.isnan(summary["hm/overlap_f std"][1])
+    assert summary[["finished", "failed", "unfinished"]].to_numpy().tolist() == [[2, 0, 0], [1, 1, 0], [0, 0, 1]]
+
+
+def test_markdown_shows_means_deviations_and_reasons(sweep):
+    jobs = read_jobs(sweep)
+    text = markdown(jobs, summarise(jobs), ["hm/overlap_*", "none/*"])
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines()[:5]]
+    assert cells[0] == ["features", "jobs", "hm/overlap_f", "seconds"]
+    assert cells[2] == ["rgb", "2", "62.00 ± 2.83", "5 ± 7"]
+    assert cells[3] == ["all", "1 finished, 1 failed", "70.00", "20"]
+    assert cells[4] == ["depth", "unfinished", "–", "–"]
+    assert "All with `sampler=balanced`." in text
+    assert "Mean ± sample standard deviation over `seed` 0, 1." in text
+    assert "Job 3 (`job3`) failed: out of\n" in text
+    assert "Job 4 (`job4`) unfinished\n" in text
+
+
+def test_tables_and_figure_are_written(sweep):
+    write_table(read_jobs(sweep), sweep, columns=["*"], plot=["hm/overlap_f", "absent"])
+    assert len(pd.read_csv(sweep / "table.csv")) == 5
+    assert (sweep / "table.md").read_text().count("\n|") == 4
+    assert (sweep / "table.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_sweep_without_finished_jobs_has_a_table(tmp_path):
+    record(tmp_path, 0, "failed", error="no")
+    write_table(read_jobs(tmp_path), tmp_path, columns=["*"], plot=["hm/overlap_f"])
+    assert "failed: no" in (tmp_path / "table.md").read_text()
+    assert not (tmp_path / "table.png").exists()
+
+
+@pytest.mark.parametrize(("values", "scale"), [((32, 64, 128, 256), "log"), ((2, 3, 4), "linear")])
+def test_a_swept_number_is_the_axis(tmp_path, values, scale):
+    for number, value in enumerate(reversed(values)):
+        record(tmp_path, number, "finished", {"f": float(value)}, n=str(value))
+    figure = draw(summarise(read_jobs(tmp_path)), ["f"])
+    (axes,) = figure.axes
+    assert axes.get_xscale() == scale
+    assert [tick.get_text() for tick in axes.get_xticklabels()] == [str(value) for value in values]
+    assert axes.lines[0].get_xdata().tolist() == axes.lines[0].get_ydata().tolist() == list(values)
+
+
+def test_named_rows_stand_in_the_order_of_the_sweep(sweep):
+    figure = draw(summarise(read_jobs(sweep)), ["hm/overlap_f"])
+    (axes,) = figure.axes
+    assert [tick.get_text() for tick in axes.get_yticklabels()] == ["rgb", "all", "depth"]
+    assert axes.yaxis_inverted()
+
+
+# --- real sweeps: the shipped configuration around a job that only computes a number
+
+PROGRAM = """
+import os
+from pathlib import Path
+from sgbd.configuration import ConfigurationError, entry_point, output_folder
+from sgbd.sweep import run_once
+
+def job(config, folder):
+    with Path("ran.txt").open("a") as file:
+        file.write(f"{folder.parent.name} {config.seed}\\n")
+    if config.sampler.positive_share == 0.5 and os.environ.get("FAIL"):
+        raise ConfigurationError("half is bad\\nreally")
+    return {"scores": {"hm/overlap_f": 100 * (config.sampler.positive_share or 0.8) + config.seed}}
+
+@entry_point("train")
+def main(config):
+    return run_once(output_folder(), config, job)
+
+if __name__ == "__main__":
+    main()
+"""
+
+
+def launch(folder: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess:
+    (folder / "program.py").write_text(PROGRAM)
+    variables = {**os.environ, **environment, "HYDRA_FULL_ERROR": "0"}
+    command = [sys.executable, "program.py", *arguments]
+    return subprocess.run(command, cwd=folder, env=variables, capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_a_sweep_with_a_failing_job_is_repeated_and_extended(tmp_path):
+    first = launch(tmp_path, "+experiment=ablate_sampling", FAIL="1")
+    sweep = tmp_path / "outputs" / "sweeps" / "ablate_sampling"
+    assert first.returncode == 1
+    assert "half is bad" in first.stderr
+    assert "Traceback" not in first.stderr
+    table = pd.read_csv(sweep / "table.csv")
+    assert table["state"].tolist() == ["finished", "failed", "finished", "finished"]
+    assert table["sampler.positive_share"].fillna("null").tolist() == ["null", 0.5, 0.25, 0.1]
+    assert "failed: half is bad" in (sweep / "table.md").read_text()
+
+    # Again, in two processes: only the failed job runs.
+    parallel = ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2")
+    again = launch(tmp_path, "+experiment=ablate_sampling", *parallel)
+    assert again.returncode == 0, again.stderr
+    ran = (tmp_path / "ran.txt").read_text().splitlines()
+    assert len(ran) == 5
+    assert ran[-1] == ran[1] == "sampler.positive_share=0.5 0"
+    assert pd.read_csv(sweep / "table.csv")["hm/overlap_f"].tolist() == [80.0, 50.0, 25.0, 10.0]
+
+    # With two seeds: the finished seed is found again, the table of the smaller sweep is kept.
+    more = launch(tmp_path, "+experiment=ablate_sampling", "seed=0,1", "sampler.positive_share=0.25,0.1")
+    assert more.returncode == 0, more.stderr
+    assert len((tmp_path / "ran.txt").read_text().splitlines()) == 7
+    lines = (sweep / "table.md").read_text().splitlines()
+    assert "25.50 ± 0.71" in lines[2]
+    assert "10.50 ± 0.71" in lines[3]
+    assert pd.read_csv(sweep / "earlier-1" / "table.csv")["hm/overlap_f"].tolist() == [80.0, 50.0, 25.0, 10.0]
