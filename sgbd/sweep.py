@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import fnmatch
 import hashlib
+import io
 import json
 import logging
 import math
@@ -23,6 +24,7 @@ from hydra.experimental.callback import Callback
 from hydra.types import TaskFunction
 from omegaconf import DictConfig, OmegaConf, open_dict
 
+from sgbd.atomic_file import write_whole
 from sgbd.configuration import ConfigurationError, ExpectedError
 
 if TYPE_CHECKING:
@@ -40,6 +42,9 @@ PLACES = ("data_dir", "cache_dir", "output_dir")
 """Keys that say where files lie; whatever they are, the result is the same."""
 IMMATERIAL = ("name", "workers", "logger")
 """Keys that don't change the result either."""
+
+PER_CENT = 100
+"""Scores are shares; tables and figures for people show per cent."""
 
 LONGEST_NAME = 150
 """Characters of a job's folder name; file systems end at 255 bytes."""
@@ -98,7 +103,7 @@ def run_once(folder: Path, config: DictConfig, job: Callable[[DictConfig, Path],
         folder: The job's own folder; made if needed.
         config: The job's configuration. A copy is written to `config.yaml`.
         job: What to do: a function of the configuration and the folder. It returns values that JSON can hold, with
-            floats under the key `scores`.
+            shares from 0 to 1 under the key `scores`.
 
     Returns:
         What the job returned, with `config_hash` and `seconds`.
@@ -285,15 +290,15 @@ def write_table(
         plot: Scores in the figure.
         seed: What the repetitions differ in.
     """
-    _write_text(folder / "table.csv", jobs.to_csv(index=False))
+    write_whole(folder / "table.csv", jobs.to_csv(index=False).encode())
     summary = summarise(jobs)
-    _write_text(folder / "table.md", markdown(jobs, summary, columns, seed))
+    write_whole(folder / "table.md", markdown(jobs, summary, columns, seed).encode())
     drawn = [score for score in plot if score in summary]
     if drawn and summary["finished"].any():
         figure = draw(summary, drawn)
-        partial = folder / ".table.png"
-        figure.savefig(partial, format="png", dpi=150)
-        partial.replace(folder / "table.png")
+        picture = io.BytesIO()
+        figure.savefig(picture, format="png", dpi=150)
+        write_whole(folder / "table.png", picture.getvalue())
 
 
 def markdown(jobs: pd.DataFrame, summary: pd.DataFrame, columns: Sequence[str], seed: str = "seed") -> str:
@@ -307,10 +312,12 @@ def markdown(jobs: pd.DataFrame, summary: pd.DataFrame, columns: Sequence[str], 
         _count(*row) for row in zip(summary["finished"], summary["failed"], summary["unfinished"], strict=True)
     ]
     for score in [*chosen, "seconds"]:
-        digits = 0 if score == "seconds" else 2
-        pairs = zip(summary[score], summary[f"{score} std"], strict=True)
+        scale, digits = (1, 0) if score == "seconds" else (PER_CENT, 2)
+        pairs = zip(scale * summary[score], scale * summary[f"{score} std"], strict=True)
         shown[score] = [_mean_and_deviation(mean, deviation, digits) for mean, deviation in pairs]
     lines = [shown.to_markdown(index=False, disable_numparse=True, stralign="right")]
+    if chosen:
+        lines.append("Scores in per cent.")
     repeated = sorted(set(jobs["seed"]))
     fixed = {key: jobs[key].iloc[0] for key in jobs.attrs["overrides"] if key not in overrides}
     if fixed:
@@ -347,13 +354,14 @@ def draw(summary: pd.DataFrame, scores: Sequence[str]) -> Figure:
         axes = figure.subplots()
         positions = ordered[overrides[0]].to_numpy()
         for score in scores:
-            deviation = ordered[f"{score} std"].fillna(0)
-            axes.errorbar(positions, ordered[score], yerr=deviation, marker="o", capsize=3, label=score)
+            deviation = PER_CENT * ordered[f"{score} std"].fillna(0)
+            axes.errorbar(positions, PER_CENT * ordered[score], yerr=deviation, marker="o", capsize=3, label=score)
         if positions[0] > 0 and positions[-1] / positions[0] >= 4:
             axes.set_xscale("log", base=2)
         axes.set_xticks(positions, labels=[f"{position:g}" for position in positions])
         axes.minorticks_off()
         axes.set_xlabel(overrides[0])
+        axes.set_ylabel("%")
     else:
         names = [", ".join(str(row[key]) for key in overrides) or "all" for row in summary.to_dict("records")]
         figure = Figure(figsize=(7, 1.4 + 0.45 * len(names)), layout="constrained")
@@ -361,11 +369,14 @@ def draw(summary: pd.DataFrame, scores: Sequence[str]) -> Figure:
         for place, score in enumerate(scores):
             # Side by side: equal scores would hide each other.
             rows = [row + 0.14 * (place - (len(scores) - 1) / 2) for row in range(len(names))]
-            deviation = summary[f"{score} std"].fillna(0)
-            axes.errorbar(summary[score], rows, xerr=deviation, marker="o", linestyle="none", capsize=3, label=score)
+            deviation = PER_CENT * summary[f"{score} std"].fillna(0)
+            axes.errorbar(
+                PER_CENT * summary[score], rows, xerr=deviation, marker="o", linestyle="none", capsize=3, label=score
+            )
         axes.set_yticks(range(len(names)), labels=names)
         axes.set_ylim(len(names) - 0.5, -0.5)
         axes.set_ylabel(", ".join(overrides))
+        axes.set_xlabel("%")
     axes.grid(alpha=0.3)
     figure.legend(loc="outside upper center", ncols=len(scores), frameon=False)
     return figure
@@ -444,7 +455,7 @@ def _read_json(path: Path) -> dict[str, Any] | None:
 
 
 def _write_json(path: Path, value: Mapping[str, Any]) -> None:
-    _write_text(path, json.dumps(_plain(value), indent=2, allow_nan=False) + "\n")
+    write_whole(path, (json.dumps(_plain(value), indent=2, allow_nan=False) + "\n").encode())
 
 
 def _plain(value: Any) -> Any:
@@ -458,13 +469,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return str(value) if isinstance(value, os.PathLike) else value
-
-
-def _write_text(path: Path, text: str) -> None:
-    """Write a file at once: readers see the old one or the new one, and nothing in between."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.{os.getpid()}")
-    partial.write_text(text)
-    with partial.open("rb") as file:
-        os.fsync(file.fileno())
-    partial.replace(path)

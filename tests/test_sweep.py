@@ -163,9 +163,9 @@ def record(folder: Path, number: int, state: str, scores=None, error=None, **ove
 
 @pytest.fixture
 def sweep(tmp_path):
-    record(tmp_path, 0, "finished", {"hm/overlap_f": 60.0, "hm/f75": 1.0}, features="rgb", seed=0, sampler="balanced")
-    record(tmp_path, 1, "finished", {"hm/overlap_f": 64.0, "hm/f75": 3.0}, features="rgb", seed=1, sampler="balanced")
-    record(tmp_path, 2, "finished", {"hm/overlap_f": 70.0, "hm/f75": None}, features="all", seed=0, sampler="balanced")
+    record(tmp_path, 0, "finished", {"hm/overlap_f": 0.6, "hm/f75": 0.1}, features="rgb", seed=0, sampler="balanced")
+    record(tmp_path, 1, "finished", {"hm/overlap_f": 0.64, "hm/f75": 0.3}, features="rgb", seed=1, sampler="balanced")
+    record(tmp_path, 2, "finished", {"hm/overlap_f": 0.7, "hm/f75": None}, features="all", seed=0, sampler="balanced")
     record(tmp_path, 3, "failed", error="out of\nmemory", features="all", seed=1, sampler="balanced")
     record(tmp_path, 4, "unfinished", features="depth", seed=0, sampler="balanced")
     return tmp_path
@@ -176,7 +176,7 @@ def test_every_job_is_a_row_in_the_order_of_the_sweep(sweep):
     assert list(jobs["state"]) == ["finished", "finished", "finished", "failed", "unfinished"]
     assert list(jobs["features"]) == ["rgb", "rgb", "all", "all", "depth"]
     assert list(jobs["seed"]) == ["0", "1", "0", "1", "0"]
-    assert list(jobs["hm/overlap_f"].dropna()) == [60.0, 64.0, 70.0]
+    assert list(jobs["hm/overlap_f"].dropna()) == [0.6, 0.64, 0.7]
     assert list(jobs.columns) == [
         *("job", "features", "sampler", "seed", "state", "hm/overlap_f", "hm/f75", "seconds", "error", "folder")
     ]
@@ -186,9 +186,9 @@ def test_seeds_are_averaged_and_failures_counted(sweep):
     summary = summarise(read_jobs(sweep))
     assert list(summary["features"]) == ["rgb", "all", "depth"]
     assert "sampler" not in summary
-    assert summary["hm/overlap_f"].tolist()[:2] == [62.0, 70.0]
+    assert summary["hm/overlap_f"].tolist()[:2] == pytest.approx([0.62, 0.7])
     assert math.isnan(summary["hm/overlap_f"][2])
-    assert summary["hm/overlap_f std"][0] == pytest.approx(math.sqrt(8))
+    assert summary["hm/overlap_f std"][0] == pytest.approx(math.sqrt(8) / 100)
     assert math.isnan(summary["hm/overlap_f std"][1])
     assert summary[["finished", "failed", "unfinished"]].to_numpy().tolist() == [[2, 0, 0], [1, 1, 0], [0, 0, 1]]
 
@@ -224,12 +224,13 @@ def test_a_sweep_without_finished_jobs_has_a_table(tmp_path):
 @pytest.mark.parametrize(("values", "scale"), [((32, 64, 128, 256), "log"), ((2, 3, 4), "linear")])
 def test_a_swept_number_is_the_axis(tmp_path, values, scale):
     for number, value in enumerate(reversed(values)):
-        record(tmp_path, number, "finished", {"f": float(value)}, n=str(value))
+        record(tmp_path, number, "finished", {"f": value / 100}, n=str(value))
     figure = draw(summarise(read_jobs(tmp_path)), ["f"])
     (axes,) = figure.axes
     assert axes.get_xscale() == scale
     assert [tick.get_text() for tick in axes.get_xticklabels()] == [str(value) for value in values]
-    assert axes.lines[0].get_xdata().tolist() == axes.lines[0].get_ydata().tolist() == list(values)
+    assert axes.lines[0].get_xdata().tolist() == list(values)
+    assert axes.lines[0].get_ydata().tolist() == pytest.approx(values)
 
 
 def test_named_rows_stand_in_the_order_of_the_sweep(sweep):
@@ -252,7 +253,7 @@ def job(config, folder):
         file.write(f"{folder.parent.name} {config.seed}\\n")
     if config.sampler.positive_share == 0.5 and os.environ.get("FAIL"):
         raise ConfigurationError("half is bad\\nreally")
-    return {"scores": {"hm/overlap_f": 100 * (config.sampler.positive_share or 0.8) + config.seed}}
+    return {"scores": {"hm/overlap_f": (config.sampler.positive_share or 0.8) + config.seed / 100}}
 
 @entry_point("train")
 def main(config):
@@ -288,7 +289,7 @@ def test_a_sweep_with_a_failing_job_is_repeated_and_extended(tmp_path):
     ran = (tmp_path / "ran.txt").read_text().splitlines()
     assert len(ran) == 5
     assert ran[-1] == ran[1] == "sampler.positive_share=0.5 0"
-    assert pd.read_csv(sweep / "table.csv")["hm/overlap_f"].tolist() == [80.0, 50.0, 25.0, 10.0]
+    assert pd.read_csv(sweep / "table.csv")["hm/overlap_f"].tolist() == [0.8, 0.5, 0.25, 0.1]
 
     # With two seeds: the finished seed is found again, the table of the smaller sweep is kept.
     more = launch(tmp_path, "+experiment=ablate_sampling", "seed=0,1", "sampler.positive_share=0.25,0.1")
@@ -297,4 +298,4 @@ def test_a_sweep_with_a_failing_job_is_repeated_and_extended(tmp_path):
     lines = (sweep / "table.md").read_text().splitlines()
     assert "25.50 ± 0.71" in lines[2]
     assert "10.50 ± 0.71" in lines[3]
-    assert pd.read_csv(sweep / "earlier-1" / "table.csv")["hm/overlap_f"].tolist() == [80.0, 50.0, 25.0, 10.0]
+    assert pd.read_csv(sweep / "earlier-1" / "table.csv")["hm/overlap_f"].tolist() == [0.8, 0.5, 0.25, 0.1]
