@@ -32,6 +32,9 @@ from sgbd.metrics.overlap import Matching
 RADIUS_SHARE: float = 0.003
 """Radius of the matching disk as a share of the image diagonal."""
 
+# States of a pixel while the outside of a mask is filled: unknown, in the mask, and dealt with.
+_FREE, _MASK, _STOP = 0, 1, 2
+
 
 @dataclass(frozen=True)
 class BoundaryScores:
@@ -160,34 +163,33 @@ def _contours(mask: NDArray[np.int32], count: int) -> NDArray[np.int32]:
                 right[k] = max(right[k], x)
 
     contour = np.full((height, width), -1, dtype=np.int32)
-    outside = np.full((height, width), -1, dtype=np.int32)  # k where the pixel is known to lie outside mask k
-    stack = np.empty(height * width, dtype=np.int64)
     for k in range(count):
-        size = 0
-        # The outside enters the box wherever the mask leaves its rim free; where it doesn't, the rim is contour.
-        for y in range(top[k], bottom[k] + 1):
-            step = 1 if y == top[k] or y == bottom[k] else max(right[k] - left[k], 1)
-            for x in range(left[k], right[k] + 1, step):
-                if mask[y, x] == k:
-                    contour[y, x] = k
-                else:
-                    outside[y, x] = k
-                    stack[size] = y * width + x
-                    size += 1
+        if bottom[k] < 0:
+            continue
+        # The box of the mask with a margin of two: one for the outside to flow around the mask, one to stop it, so that
+        # neighbours in the flat array need no check.
+        rows, columns = bottom[k] - top[k] + 5, right[k] - left[k] + 5
+        state = np.full(rows * columns, _STOP, dtype=np.uint8)
+        for y in range(rows - 2):
+            for x in range(columns - 2):
+                v, u = top[k] + y - 1, left[k] + x - 1
+                inside = 0 < y < rows - 3 and 0 < x < columns - 3 and mask[v, u] == k
+                state[(y + 1) * columns + x + 1] = _MASK if inside else _FREE
+        stack = np.empty(rows * columns, dtype=np.int64)
+        stack[0] = columns + 1
+        state[columns + 1] = _STOP
+        size = 1
         while size > 0:
             size -= 1
-            y, x = divmod(stack[size], width)
-            for direction in range(4):
-                v = y + (direction == 0) - (direction == 1)
-                u = x + (direction == 2) - (direction == 3)
-                if v < top[k] or v > bottom[k] or u < left[k] or u > right[k]:
-                    continue
-                if mask[v, u] == k:
-                    contour[v, u] = k
-                elif outside[v, u] != k:
-                    outside[v, u] = k
-                    stack[size] = v * width + u
+            here = stack[size]
+            for neighbour in (here - columns, here - 1, here + 1, here + columns):
+                if state[neighbour] == _FREE:
+                    state[neighbour] = _STOP
+                    stack[size] = neighbour
                     size += 1
+                elif state[neighbour] == _MASK:
+                    state[neighbour] = _STOP
+                    contour[top[k] + neighbour // columns - 2, left[k] + neighbour % columns - 2] = k
     return contour
 
 

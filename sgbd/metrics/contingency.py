@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sgbd.compiled import compiled
 from sgbd.metrics.label_index import as_label_map, distinct_labels, label_index
 
 IGNORE: int = -1
@@ -58,7 +59,7 @@ class ContingencyTable:
             )
         segments, instances = distinct_labels(prediction), distinct_labels(truth)
         row, column = label_index(prediction, segments), label_index(truth, instances)
-        counts = _histogram(row.ravel(), column.ravel(), (len(segments), len(instances)))
+        counts = _count_pixels(row.ravel(), column.ravel(), len(segments), len(instances))
         return cls._of_known(segments, instances, counts)
 
     @classmethod
@@ -93,7 +94,8 @@ class ContingencyTable:
         of_overlap = segment[superpixel]
         segments, instances = distinct_labels(of_overlap), distinct_labels(instance)
         row, column = label_index(of_overlap, segments), label_index(instance, instances)
-        counts = _histogram(row, column, (len(segments), len(instances)), count)
+        counts = np.zeros((len(segments), len(instances)), dtype=np.int64)
+        np.add.at(counts, (row, column), count)
         return cls._of_known(segments, instances, counts)
 
     @classmethod
@@ -121,13 +123,10 @@ class ContingencyTable:
         return int(self.counts.sum())
 
 
-def _histogram(
-    row: NDArray[np.integer],
-    column: NDArray[np.integer],
-    shape: tuple[int, int],
-    weight: NDArray[np.integer] | None = None,
-) -> NDArray[np.int64]:
-    rows, columns = shape
-    flat = row.astype(np.int64) * columns + column
-    # Weights are summed as float64, which is exact for counts of pixels (below 2**53).
-    return np.bincount(flat, weights=weight, minlength=rows * columns).astype(np.int64).reshape(shape)
+@compiled
+def _count_pixels(row: NDArray[np.int32], column: NDArray[np.int32], rows: int, columns: int) -> NDArray[np.int64]:
+    """Two-dimensional histogram of pairs, int64 [rows, columns]."""
+    counts = np.zeros((rows, columns), dtype=np.int64)
+    for i in range(row.size):
+        counts[row[i], column[i]] += 1
+    return counts

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sgbd.compiled import compiled
+
 # Labels up to this are translated with a table; above, with a binary search.
 _LARGEST_TABLE = 1 << 20
 
@@ -37,9 +39,7 @@ def distinct_labels(label_map: NDArray[np.integer]) -> NDArray[np.int64]:
     lowest, highest = int(label_map.min()), int(label_map.max())
     if highest - lowest >= _LARGEST_TABLE:
         return np.unique(label_map).astype(np.int64)
-    occurs = np.zeros(highest - lowest + 1, dtype=bool)
-    occurs[label_map.ravel() - lowest if lowest else label_map.ravel()] = True
-    return np.flatnonzero(occurs) + lowest
+    return np.flatnonzero(_occurring(label_map.ravel(), lowest, highest)) + lowest
 
 
 def label_index(label_map: NDArray[np.integer], labels: ArrayLike) -> NDArray[np.int32]:
@@ -55,15 +55,31 @@ def label_index(label_map: NDArray[np.integer], labels: ArrayLike) -> NDArray[np
     labels = np.asarray(labels, dtype=np.int64)
     if label_map.size == 0 or labels.size == 0:
         return np.full(label_map.shape, -1, dtype=np.int32)
-    lowest = min(int(label_map.min()), 0)
-    highest = max(int(label_map.max()), 0)
+    lowest, highest = int(label_map.min()), int(label_map.max())
     if highest - lowest < _LARGEST_TABLE:
-        # Negative labels lie at the end of the table, where negative positions find them.
         table = np.full(highest - lowest + 1, -1, dtype=np.int32)
         inside = np.flatnonzero((labels >= lowest) & (labels <= highest))
-        table[labels[inside]] = inside
-        return table[label_map]
+        table[labels[inside] - lowest] = inside
+        return _translated(label_map.ravel(), lowest, table).reshape(label_map.shape)
     order = np.argsort(labels)
     ascending = labels[order]
     position = np.minimum(np.searchsorted(ascending, label_map), len(labels) - 1)
     return np.where(ascending[position] == label_map, order[position], -1).astype(np.int32)
+
+
+@compiled
+def _occurring(labels: NDArray[np.integer], lowest: int, highest: int) -> NDArray[np.bool_]:
+    """Whether each label from `lowest` to `highest` occurs."""
+    occurs = np.zeros(highest - lowest + 1, dtype=np.bool_)
+    for label in labels:
+        occurs[np.int64(label) - lowest] = True
+    return occurs
+
+
+@compiled
+def _translated(labels: NDArray[np.integer], lowest: int, table: NDArray[np.int32]) -> NDArray[np.int32]:
+    """What the table, which begins with the label `lowest`, holds for each label."""
+    translation = np.empty(labels.shape, dtype=np.int32)
+    for i in range(labels.size):
+        translation[i] = table[np.int64(labels[i]) - lowest]
+    return translation

@@ -17,10 +17,10 @@ from sgbd.metrics import (
     overlap_scores,
 )
 
-CASES = (
-    "shapes_small shapes_vga perfect nothing_predicted no_objects both_empty one_blob disjoint "
-    "real_learn3 real_learn20 real_learn28 real_learn40"
-).split()
+CASES = [
+    *("shapes_small", "shapes_vga", "perfect", "nothing_predicted", "no_objects", "both_empty", "one_blob", "disjoint"),
+    *("real_learn3", "real_learn20", "real_learn28", "real_learn40"),
+]
 CATEGORY_CASES = [case for case in CASES if case not in ("no_objects", "both_empty")]  # recorded for these alone
 NEAR = {"rel": 0, "abs": 1e-9}
 
