@@ -1,0 +1,247 @@
+"""Scores of an edge model on prepared graphs: the same code judges epochs of training and finished models."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+import torch
+from torch import nn
+from torch_geometric.data import Data
+from tqdm import tqdm
+
+from sgbd.data import SuperpixelGraphDataset
+from sgbd.label_map import unpack
+from sgbd.metrics import (
+    CategoryScores,
+    ContingencyTable,
+    FrameScores,
+    category_scores,
+    category_table,
+    edge_scores,
+    frame_table,
+    objects_by_majority,
+    oracle_segments,
+    score_frame,
+    seen_and_unseen,
+    summarize,
+)
+from sgbd.partition import Partitioner
+from sgbd.segmentation import ObjectRule, Segments, classify, partition_graph
+
+SHORT_NAMES = {
+    "overlap_precision": "overlap_precision",
+    "overlap_recall": "overlap_recall",
+    "overlap_f_measure": "overlap_f",
+    "overlap_detected_share": "f75",
+    "boundary_precision": "boundary_precision",
+    "boundary_recall": "boundary_recall",
+    "boundary_f_measure": "boundary_f",
+}
+EDGE_NAMES = {
+    "cut_precision": "cut_precision",
+    "cut_recall": "cut_recall",
+    "cut_f_measure": "cut_f",
+    "merge_accuracy": "accuracy",
+}
+REGION_NAMES = {"rand_error": "rand_error", "variation_of_information": "variation_of_information"}
+GROUPS = {"seen": "seen", "unseen": "unseen", "harmonic_mean": "hm"}
+ROWS = ("seen", "unseen", "hm", "all", "unaided", "oracle_seen", "oracle_unseen", "oracle_hm", "oracle")
+
+
+class EvaluationError(ValueError):
+    """Graphs that cannot be scored; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Scores of a model on a dataset, shares from 0 to 1.
+
+    Attributes:
+        scores: Means by protocol and score, such as `all/overlap_f`:
+
+            - `all`: objects of all categories; a segment counts as an object if most of it lies on true objects, so
+              this judges the merging alone.
+            - `unaided`: as `all`, but the model's own objectness head says which segments are objects. Absent without
+              a head.
+            - `oracle`: as `all`, for the best partition of the same superpixels.
+            - `seen`, `unseen`, `hm`: the paper's protocol by category, and the harmonic mean of the two;
+              `oracle_seen`, `oracle_unseen`, `oracle_hm` for the best partition. Absent if the dataset does not tell
+              seen from unseen categories.
+            - `edges`, `regions`: precision, recall and F of the cuts; adapted Rand error and variation of information.
+        frames: One row a frame, indexed by name.
+        categories: One row a category, indexed by its name; empty without categories.
+    """
+
+    scores: dict[str, float]
+    frames: pd.DataFrame
+    categories: pd.DataFrame
+
+
+@dataclass(frozen=True)
+class GraphScores:
+    """Scores of one partitioned graph, by protocol; see `Evaluation`."""
+
+    all: FrameScores
+    unaided: FrameScores
+    by_category: CategoryScores
+    oracle_by_category: CategoryScores
+
+
+class Evaluator:
+    """Partitions graphs and scores the result.
+
+    Args:
+        partition: The partitioner.
+        rule: Which segments are objects.
+        boundaries: Score contours too, which needs the packed maps and most of the time.
+    """
+
+    def __init__(self, partition: Partitioner, rule: ObjectRule | None = None, *, boundaries: bool = True) -> None:
+        self.partition = partition
+        self.rule = rule or ObjectRule()
+        self.boundaries = boundaries
+
+    def __call__(
+        self,
+        dataset: SuperpixelGraphDataset,
+        model: nn.Module,
+        objectness: nn.Module | None = None,
+        *,
+        device: torch.device | str = "cpu",
+        progress: bool = False,
+    ) -> Evaluation:
+        """Score a model.
+
+        Args:
+            dataset: Graphs with truth, with the feature columns that the model was trained on.
+            model: The edge model. It is put into evaluation mode, and left as it was.
+            objectness: The objectness head, if there is one.
+            device: Where the networks are.
+            progress: Show a progress bar.
+
+        Returns:
+            The scores.
+
+        Raises:
+            EvaluationError: If the dataset is empty or a frame has no truth.
+        """
+        if len(dataset) == 0:
+            raise EvaluationError("there are no graphs to evaluate: the split is empty")
+        modules = [module for module in (model, objectness) if module is not None]
+        modes = [module.training for module in modules]
+        scored = []
+        for module in modules:
+            module.eval()
+        try:
+            for data in tqdm(dataset, "evaluating", unit="frame", disable=not progress):
+                classification = classify(model, objectness, data.to(device))
+                segments = partition_graph(data, classification, self.partition, self.rule)
+                scored.append(self.score(data.cpu(), segments, dataset.category_names))
+        finally:
+            for module, mode in zip(modules, modes, strict=True):
+                module.train(mode)
+        return _evaluation(scored, dataset, with_unaided=objectness is not None)
+
+    def score(self, data: Data, segments: Segments, category_names: Iterable[str] = ()) -> GraphScores:
+        """Score the partition of one graph.
+
+        Args:
+            data: A graph with truth.
+            segments: Its partition.
+            category_names: The dataset's categories.
+
+        Returns:
+            The scores.
+
+        Raises:
+            EvaluationError: If the graph has no truth.
+        """
+        if "overlap_count" not in data:
+            raise EvaluationError(
+                f"frame {data.name!r} has no ground truth, so it cannot be scored. Give label images "
+                "(dataset=folder: NAME_labels.png), or use python -m sgbd.predict."
+            )
+        superpixel, instance = data.overlap_index.numpy(), data.overlap_instance.numpy()
+        count = data.overlap_count.numpy()
+        best = oracle_segments(superpixel, instance, count, len(segments.segment))
+        table = ContingencyTable.from_superpixels(superpixel, instance, count, segments.segment)
+        oracle = ContingencyTable.from_superpixels(superpixel, instance, count, best)
+        prediction = truth = oracle_prediction = None
+        if self.boundaries:
+            size = tuple(data.image_size[0].tolist())
+            label_map, truth = unpack(data.label_map, size), unpack(data.truth_map, size)
+            prediction, oracle_prediction = segments.segment[label_map], best[label_map]
+        pairs = data.edge_label_index.numpy()
+        merged = segments.segment[pairs[0]] == segments.segment[pairs[1]]
+        names = list(category_names)
+        category = {
+            number: names[place - 1]
+            for number, place in zip(data.instance_id.tolist(), data.instance_category.tolist(), strict=True)
+            if place > 0
+        }
+        return GraphScores(
+            all=score_frame(
+                table,
+                objects_by_majority(table),
+                prediction=prediction,
+                truth=truth,
+                oracle=oracle,
+                oracle_prediction=oracle_prediction,
+                edges=edge_scores(merged, data.edge_label.numpy()),
+                name=data.name,
+            ),
+            unaided=score_frame(
+                table, np.nonzero(segments.is_object)[0], prediction=prediction, truth=truth, name=data.name
+            ),
+            by_category=category_scores(table, category, prediction, truth),
+            oracle_by_category=category_scores(oracle, category, oracle_prediction, truth),
+        )
+
+
+def _evaluation(scored: Sequence[GraphScores], dataset: SuperpixelGraphDataset, with_unaided: bool) -> Evaluation:
+    scores: dict[str, float] = {}
+
+    def add(protocol: str, names: Mapping[str, str], means: Mapping[str, float], prefix: str = "") -> None:
+        for name, short in names.items():
+            value = means.get(prefix + name, math.nan)
+            if not math.isnan(value):
+                scores[f"{protocol}/{short}"] = value
+
+    means = summarize([frame.all for frame in scored])
+    add("all", SHORT_NAMES, means)
+    add("oracle", SHORT_NAMES, means, prefix="oracle_")
+    add("edges", EDGE_NAMES, means)
+    add("regions", REGION_NAMES, means)
+    frames = frame_table([frame.all for frame in scored])
+    if with_unaided:
+        own = [frame.unaided for frame in scored]
+        add("unaided", SHORT_NAMES, summarize(own))
+        table = frame_table(own)
+        frames = frames.join(table[[name for name in SHORT_NAMES if name in table]].add_prefix("unaided_"))
+    if dataset.seen:
+        for prefix, by_category in (
+            ("", [frame.by_category for frame in scored]),
+            ("oracle_", [frame.oracle_by_category for frame in scored]),
+        ):
+            for group, row in seen_and_unseen(by_category, dataset.seen).iterrows():
+                add(prefix + GROUPS[str(group)], SHORT_NAMES, {str(name): float(value) for name, value in row.items()})
+    return Evaluation(scores, frames, category_table([frame.by_category for frame in scored]))
+
+
+def score_table(scores: dict[str, float]) -> pd.DataFrame:
+    """Arrange scores for people: a row for each protocol, a column for each score, in per cent.
+
+    Args:
+        scores: As of `Evaluation`.
+
+    Returns:
+        The table; what was not scored is NaN.
+    """
+    cells = {tuple(name.split("/", 1)): 100 * value for name, value in scores.items()}
+    rows = [row for row in ROWS if any(key[0] == row for key in cells)]
+    columns = [column for column in SHORT_NAMES.values() if any(key[1] == column for key in cells)]
+    return pd.DataFrame([[cells.get((row, column), np.nan) for column in columns] for row in rows], rows, columns)

@@ -1,0 +1,114 @@
+"""A trained model with its whole recipe: an RGB-D frame in, a segmentation out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy.typing as npt
+import torch
+from torch_geometric.data import Data
+
+from sgbd.checkpoint import Checkpoint, instantiate
+from sgbd.features import edge_columns, node_columns
+from sgbd.frame import Frame, Intrinsics
+from sgbd.graph import GraphBuilder
+from sgbd.partition import Partitioner
+from sgbd.segmentation import ObjectRule, Segmentation, classify, paint, partition_graph
+from sgbd.superpixels import Superpixels
+
+
+class Segmenter:
+    """Segments the objects of RGB-D frames.
+
+    Every step is the one that training and evaluation take, with the settings that the checkpoint carries.
+
+    Example:
+        >>> segmenter = Segmenter.load("checkpoint.safetensors")
+        >>> result = segmenter.segment(rgb, depth)
+        >>> result.instances  # int32 [H, W], 0 = not an object, 1..K objects
+
+    Args:
+        checkpoint: The model and its recipe.
+        partition: Takes the place of the recipe's partitioner.
+        rule: Takes the place of the recipe's rule of what an object is.
+        device: Where the networks run.
+        trust: Names of packages beside `sgbd` whose classes the recipe may name.
+
+    Raises:
+        sgbd.checkpoint.CheckpointError: If the recipe cannot be followed.
+    """
+
+    def __init__(
+        self,
+        checkpoint: Checkpoint,
+        *,
+        partition: Partitioner | None = None,
+        rule: ObjectRule | None = None,
+        device: torch.device | str = "cpu",
+        trust: Sequence[str] = (),
+    ) -> None:
+        recipe = checkpoint.recipe
+        self.recipe = recipe
+        self.device = torch.device(device)
+        self.superpixels: Superpixels = instantiate(recipe.get("superpixels"), object, trust)  # type: ignore[assignment]
+        self.graph: GraphBuilder = instantiate(recipe.get("graph"), object, trust)  # type: ignore[assignment]
+        self.partition: Partitioner = (
+            instantiate(recipe.get("partition"), object, trust) if partition is None else partition  # type: ignore[assignment]
+        )
+        self.rule = instantiate(recipe.get("objects"), ObjectRule, trust) if rule is None else rule
+        self.model = checkpoint.model.to(self.device).eval()
+        self.objectness = None if checkpoint.objectness is None else checkpoint.objectness.to(self.device).eval()
+        features = recipe["features"]
+        self._node_columns = node_columns(features["node"])
+        self._edge_columns = edge_columns(features["edge"])
+
+    @classmethod
+    def load(
+        cls,
+        path: str | Path,
+        *,
+        partition: Partitioner | None = None,
+        rule: ObjectRule | None = None,
+        device: torch.device | str = "cpu",
+        trust: Sequence[str] = (),
+    ) -> Segmenter:
+        """Read a checkpoint; arguments as of the class.
+
+        Raises:
+            sgbd.checkpoint.CheckpointError: If the file is missing, damaged or no checkpoint.
+        """
+        checkpoint = Checkpoint.load(path, trust)
+        return cls(checkpoint, partition=partition, rule=rule, device=device, trust=trust)
+
+    def segment(self, rgb: npt.ArrayLike, depth: npt.ArrayLike, intrinsics: Intrinsics | None = None) -> Segmentation:
+        """Segment one frame.
+
+        Args:
+            rgb: uint8 [H, W, 3].
+            depth: [H, W]; float metres or uint16 millimetres, 0 or NaN = missing.
+            intrinsics: The camera; a typical one is assumed if it is unknown.
+
+        Returns:
+            The objects.
+
+        Raises:
+            sgbd.frame.FrameError: If the arrays are no RGB-D frame.
+        """
+        return self.segment_frame(Frame(rgb, depth, intrinsics))  # type: ignore[arg-type]
+
+    def segment_frame(self, frame: Frame) -> Segmentation:
+        """Segment a frame; its truth, if it has any, is not looked at."""
+        if frame.instances is not None:
+            frame = replace(frame, instances=None)
+        label_map = self.superpixels(frame)
+        data = self._select(self.graph(frame, label_map, store_maps=False))
+        classification = classify(self.model, self.objectness, data.to(self.device))
+        segments = partition_graph(data, classification, self.partition, self.rule)
+        return paint(label_map, data, classification, segments)
+
+    def _select(self, data: Data) -> Data:
+        data.x = data.x[:, self._node_columns]
+        data.edge_attr = data.edge_attr[:, self._edge_columns]
+        return data
