@@ -1,0 +1,55 @@
+"""python -m sgbd.evaluate: score a trained model on frames with ground truth."""
+
+from __future__ import annotations
+
+import logging
+
+from hydra.utils import instantiate
+from omegaconf import DictConfig
+
+from sgbd.checkpoint import Checkpoint
+from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
+from sgbd.data import SuperpixelGraphDataset
+from sgbd.evaluation import Evaluator
+from sgbd.preparation import prepare
+from sgbd.prepare import frame_source
+from sgbd.results import draw_examples, example_frames, find_checkpoint, markdown, write_evaluation
+from sgbd.segmenter import Segmenter
+
+log = logging.getLogger(__name__)
+
+
+@entry_point("evaluate")
+def main(config: DictConfig) -> None:
+    """Prepare the frames with the checkpoint's recipe, score the model on them, write tables and pictures."""
+    path = find_checkpoint(config.checkpoint, config.output_dir)
+    trust = tuple(config.trust)
+    segmenter = Segmenter(
+        Checkpoint.load(path, trust),
+        partition=instantiate(config.partition),
+        rule=instantiate(config.objects),
+        device=config.device,
+        trust=trust,
+    )
+    workers = count_workers(config.workers)
+    source = frame_source(config.dataset, workers, config.split)
+    if config.split not in source.splits:
+        raise ConfigurationError(f"the dataset has no split {config.split!r}; choose from {', '.join(source.splits)}")
+    folder = prepare(
+        source, segmenter.superpixels, segmenter.graph, config.cache_dir, workers=workers, on_error=config.on_error
+    )
+    features = segmenter.recipe["features"]
+    dataset = SuperpixelGraphDataset(folder, source.split, features["node"], features["edge"])
+    evaluate = Evaluator(segmenter.partition, segmenter.rule, boundaries=config.boundaries)
+    evaluation = evaluate(dataset, segmenter.model, segmenter.objectness, device=segmenter.device, progress=True)
+    out = output_folder()
+    write_evaluation(evaluation, out)
+    draw_examples(example_frames(evaluation, config.pictures), evaluation, source, segmenter, out)
+    print(f"\n{path} on {len(dataset)} frames of {source.split}, per cent:\n\n{markdown(evaluation)}\n")
+    for name, reason in dataset.skipped.items():
+        log.warning("not evaluated: %s: %s", name, reason)
+    print(f"Scores of every frame and pictures: {out}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,54 @@
+"""python -m sgbd.predict: find the objects in a frame, or in a folder of frames."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+from hydra.utils import instantiate
+from omegaconf import DictConfig
+from tqdm import tqdm
+from tqdm.contrib.logging import logging_redirect_tqdm
+
+from sgbd.configuration import ConfigurationError, entry_point, output_folder
+from sgbd.frame import FrameError, Intrinsics
+from sgbd.prediction import RecordedFrames, write_segmentation
+from sgbd.results import find_checkpoint
+from sgbd.segmenter import Segmenter
+from sgbd.sources import FrameReadError
+
+log = logging.getLogger(__name__)
+
+
+@entry_point("predict")
+def main(config: DictConfig) -> None:
+    """Segment every frame; write label image, overlay and JSON while going on."""
+    segmenter = Segmenter.load(
+        find_checkpoint(config.checkpoint, config.output_dir),
+        partition=instantiate(config.partition),
+        rule=instantiate(config.objects),
+        device=config.device,
+        trust=tuple(config.trust),
+    )
+    camera = None if config.intrinsics is None else Intrinsics(**config.intrinsics)
+    frames = RecordedFrames(config.rgb, config.depth, camera, config.depth_scale)
+    folder = output_folder() if config.output is None else Path(config.output).expanduser()
+    failed = 0
+    with logging_redirect_tqdm():
+        for index in tqdm(range(len(frames)), "segmenting", unit="frame"):
+            try:
+                frame = frames[index]
+            except (FrameError, FrameReadError) as error:
+                if config.on_error == "fail":
+                    raise
+                failed += 1
+                log.error("skipped %s: %s", frames.names[index], error)
+                continue
+            write_segmentation(frame, segmenter.segment_frame(frame), folder)
+    if failed == len(frames):
+        raise ConfigurationError(f"none of the {failed} frames could be read; the messages above say why")
+    print(f"Objects of {len(frames) - failed} frames: {folder}" + (f" ({failed} skipped)" if failed else ""))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,163 @@
+"""Segmenting frames that nobody labelled: which files are frames, and the files that a segmentation becomes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import imageio.v3 as iio
+import numpy as np
+
+from sgbd.atomic_file import write_whole
+from sgbd.frame import MILLIMETRES, Frame, Intrinsics
+from sgbd.plot import overlay
+from sgbd.segmentation import Segmentation
+from sgbd.sources import Folder, FrameReadError, FrameSource
+from sgbd.sources.image import IMAGE_SUFFIXES, read_depth, read_rgb
+
+
+class RecordedFrames(FrameSource):
+    """Frames given as a colour and a depth file, as two folders, or as one folder in the layout of `Folder`.
+
+    In two folders, the files of one frame have the same name, apart from the suffix and a last `_rgb`, `_color`,
+    `_colour` or `_depth`.
+
+    Args:
+        rgb: A colour image or a folder.
+        depth: A depth image, or a folder of them; None if the folder `rgb` holds both.
+        intrinsics: The camera of all frames; None if it is unknown.
+        depth_scale: Metres of one unit of the depth images.
+
+    Raises:
+        FrameReadError: If a path does not exist, only one of the two is a folder, or no frame is found.
+    """
+
+    def __init__(
+        self,
+        rgb: str | Path,
+        depth: str | Path | None = None,
+        intrinsics: Intrinsics | None = None,
+        depth_scale: float = MILLIMETRES,
+    ) -> None:
+        self.split = "test"
+        self.rgb = Path(rgb).expanduser()
+        self.depth = None if depth is None else Path(depth).expanduser()
+        self.intrinsics = intrinsics
+        self.depth_scale = depth_scale
+        self._files = self._find()
+
+    def _find(self) -> dict[str, tuple[Path, Path]]:
+        for path in (self.rgb, self.depth):
+            if path is not None and not path.exists():
+                raise FrameReadError(path, "it does not exist. Give rgb=<file or folder> and depth=<file or folder>.")
+        if self.depth is None:
+            if not self.rgb.is_dir():
+                raise FrameReadError(self.rgb, "its depth is not known. Give depth=<file> too.")
+            source = Folder(self.rgb)
+            return {name: (source.files(place)[0], source.files(place)[1]) for place, name in enumerate(source.names)}
+        if self.rgb.is_dir() != self.depth.is_dir():
+            raise FrameReadError(self.depth, "rgb and depth must both be files or both be folders.")
+        if not self.rgb.is_dir():
+            return {_frame_name(self.rgb): (self.rgb, self.depth)}
+        colours, depths = _images_by_name(self.rgb), _images_by_name(self.depth)
+        # A frame without depth stays in the list: reading it reports what is missing.
+        files = {name: (path, depths.get(name, self.depth / f"{name}.png")) for name, path in colours.items()}
+        if not files:
+            raise FrameReadError(self.rgb, f"there is no image in it ({', '.join(IMAGE_SUFFIXES)}).")
+        return files
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the frames, sorted."""
+        return tuple(self._files)
+
+    @property
+    def splits(self) -> tuple[str, ...]:
+        """The one split, "test"."""
+        return ("test",)
+
+    def files(self, index: int) -> tuple[Path, ...]:
+        """Return the colour and the depth image of a frame."""
+        return self._files[self.names[index]]
+
+    def read(self, index: int) -> Frame:
+        """Read a frame.
+
+        Raises:
+            FrameReadError: If a file is missing, damaged or not what it should be.
+            sgbd.frame.FrameError: If the two don't make a frame.
+        """
+        rgb, depth = self.files(index)
+        return Frame(read_rgb(rgb), read_depth(depth, self.depth_scale), self.intrinsics, name=self.names[index])
+
+    def options(self) -> dict[str, Any]:
+        """Return the options that change what is read."""
+        camera = self.intrinsics
+        return {
+            "intrinsics": camera and [camera.fx, camera.fy, camera.cx, camera.cy],
+            "depth_scale": self.depth_scale,
+        }
+
+
+def _frame_name(path: Path) -> str:
+    for ending in ("_rgb", "_color", "_colour", "_depth"):
+        if path.stem.endswith(ending):
+            return path.stem.removesuffix(ending)
+    return path.stem
+
+
+def _images_by_name(folder: Path) -> dict[str, Path]:
+    return {_frame_name(path): path for path in sorted(folder.iterdir()) if path.suffix.lower() in IMAGE_SUFFIXES}
+
+
+def objects_as_json(segmentation: Segmentation) -> list[dict[str, Any]]:
+    """Describe the objects of a frame.
+
+    Args:
+        segmentation: Of the frame.
+
+    Returns:
+        For each object, the largest score first: `id` in the label image; `area` in pixels; `box` as [left, top,
+        width, height] in pixels; `score` and `objectness` from 0 to 1.
+    """
+    instances = segmentation.instances
+    objects = []
+    for number, (score, objectness) in enumerate(
+        zip(segmentation.scores.tolist(), segmentation.objectness.tolist(), strict=True), start=1
+    ):
+        mask = instances == number
+        rows, columns = np.nonzero(mask.any(1))[0], np.nonzero(mask.any(0))[0]
+        box = [columns[0], rows[0], columns[-1] - columns[0] + 1, rows[-1] - rows[0] + 1]
+        objects.append(
+            {
+                "id": number,
+                "area": int(mask.sum()),
+                "box": [int(value) for value in box],
+                "score": round(score, 4),
+                "objectness": round(objectness, 4),
+            }
+        )
+    return objects
+
+
+def write_segmentation(frame: Frame, segmentation: Segmentation, folder: Path) -> None:
+    """Write `NAME_labels.png` (uint16 ids, 0 = not an object), `NAME_overlay.png` and `NAME.json`.
+
+    Args:
+        frame: The frame.
+        segmentation: Its objects.
+        folder: Where to; made if needed.
+    """
+    stem = frame.name.replace("/", "_")
+    labels = segmentation.instances.astype(np.uint16)
+    write_whole(folder / f"{stem}_labels.png", iio.imwrite("<bytes>", labels, extension=".png"))
+    picture = overlay(frame.rgb, segmentation.instances)
+    write_whole(folder / f"{stem}_overlay.png", iio.imwrite("<bytes>", picture, extension=".png"))
+    description = {
+        "name": frame.name,
+        "width": frame.width,
+        "height": frame.height,
+        "objects": objects_as_json(segmentation),
+    }
+    write_whole(folder / f"{stem}.json", json.dumps(description, indent=1).encode())

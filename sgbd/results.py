@@ -1,0 +1,120 @@
+"""The files that an evaluation leaves for people: tables of scores, and pictures of good, middling and bad frames."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from sgbd.atomic_file import write_whole
+from sgbd.checkpoint import CheckpointError
+from sgbd.evaluation import Evaluation, score_table
+from sgbd.plot import segmentation_figure
+from sgbd.segmenter import Segmenter
+from sgbd.sources import FrameSource
+from sgbd.training import CHECKPOINT_FILE
+
+log = logging.getLogger(__name__)
+
+PICTURE_DPI = 90
+
+
+def find_checkpoint(path: str | None, output_dir: str | Path) -> Path:
+    """Return the checkpoint that is meant.
+
+    Args:
+        path: A checkpoint file, or the folder of a training; None for the newest one below `output_dir`.
+        output_dir: Where trainings leave their folders.
+
+    Returns:
+        The file; whether it can be read shows when it is loaded.
+
+    Raises:
+        CheckpointError: If there is none below `output_dir`.
+    """
+    if path is not None:
+        given = Path(path).expanduser()
+        return given / CHECKPOINT_FILE if given.is_dir() else given
+    found = sorted(Path(output_dir).rglob(CHECKPOINT_FILE), key=lambda file: file.stat().st_mtime)
+    if not found:
+        raise CheckpointError(
+            f"there is no trained model in {output_dir}. Train one with python -m sgbd.train, or give "
+            "checkpoint=<file.safetensors>"
+        )
+    log.info("Using the newest checkpoint: %s", found[-1])
+    return found[-1]
+
+
+def write_evaluation(evaluation: Evaluation, folder: Path) -> None:
+    """Write `scores.json`, `scores.md`, `frames.csv` and, with categories, `categories.csv`.
+
+    Args:
+        evaluation: The scores.
+        folder: Where to; made if needed.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(folder / "scores.json", json.dumps(evaluation.scores, indent=2).encode())
+    write_whole(folder / "scores.md", f"{markdown(evaluation)}\n".encode())
+    write_whole(folder / "frames.csv", evaluation.frames.to_csv().encode())
+    if len(evaluation.categories):
+        write_whole(folder / "categories.csv", evaluation.categories.to_csv().encode())
+
+
+def markdown(evaluation: Evaluation) -> str:
+    """Return the scores in per cent as a Markdown table, a row for each protocol."""
+    table = score_table(evaluation.scores)
+    return table.to_markdown(floatfmt=".1f", missingval="", headers=[str(name).replace("_", " ") for name in table])
+
+
+def example_frames(evaluation: Evaluation, count: int) -> list[str]:
+    """Choose frames that show the whole range of quality, evenly spread from the worst to the best.
+
+    Args:
+        evaluation: The scores.
+        count: How many.
+
+    Returns:
+        Names of at most `count` frames, the worst first.
+    """
+    ranked = evaluation.frames["overlap_f_measure"].sort_values(kind="stable").index
+    places = np.unique(np.linspace(0, len(ranked) - 1, min(count, len(ranked))).round().astype(int))
+    return [str(ranked[place]) for place in places]
+
+
+def draw_examples(
+    names: Sequence[str], evaluation: Evaluation, source: FrameSource, segmenter: Segmenter, folder: Path
+) -> list[Path]:
+    """Draw frames with their superpixels, edges, prediction and truth into `pictures/`.
+
+    Args:
+        names: Frames of the evaluation.
+        evaluation: The scores, written above each picture.
+        source: The frames.
+        segmenter: What segments them.
+        folder: Folder of the evaluation.
+
+    Returns:
+        The files.
+    """
+    index = {name: place for place, name in enumerate(source.names)}
+    pictures = []
+    for rank, name in enumerate(names):
+        frame = source[index[name]]
+        row = evaluation.frames.loc[name]
+        title = f"{name}: overlap F {100 * row['overlap_f_measure']:.1f}"
+        if "oracle_overlap_f_measure" in row:
+            title += f" (best partition of these superpixels {100 * row['oracle_overlap_f_measure']:.1f})"
+        figure = segmentation_figure(frame, segmenter.segment_frame(frame), title)
+        pictures.append(write_figure(figure, folder / "pictures" / f"{rank + 1}_{name.replace('/', '_')}.png"))
+    return pictures
+
+
+def write_figure(figure: Figure, path: Path) -> Path:
+    """Write a figure as PNG; its folder is made if needed."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=PICTURE_DPI)
+    return path
