@@ -17,6 +17,9 @@ IGNORE = -1
 
 MILLIMETRES = 0.001
 
+FARTHEST = 100.0
+"""Metres. A frame most of which is farther away was given in another unit."""
+
 
 class FrameError(ValueError):
     """A frame that cannot be segmented; the message says what was given, what is expected and what to do."""
@@ -150,10 +153,10 @@ def _checked_depth(depth: npt.ArrayLike, shape: tuple[int, ...], label: str) -> 
             f"{label}: every depth value is missing (0, negative, NaN or infinite). "
             "Check the sensor stream and the unit: floats are metres, integers millimetres."
         )
-    nearest = float(np.median(metres[valid]))
-    if nearest > 100:
+    if 2 * np.count_nonzero(valid & (metres > FARTHEST)) > np.count_nonzero(valid):
         raise FrameError(
-            f"{label}: the median depth is {nearest:.0f} m. Floats are taken as metres: divide millimetres by 1000."
+            f"{label}: the median depth is {float(np.median(metres[valid])):.0f} m. "
+            "Floats are taken as metres: divide millimetres by 1000."
         )
     return np.ascontiguousarray(np.where(valid, metres, np.float32(0)))
 

@@ -9,64 +9,13 @@ import numpy.typing as npt
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
-from matplotlib.colors import Normalize, hsv_to_rgb
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from skimage.segmentation import find_boundaries
 
 from sgbd.frame import SUPPORT, Frame
+from sgbd.overlay import overlay
 from sgbd.segmentation import Segmentation
-
-GOLDEN_RATIO = 0.618033988749895
-SUPPORT_COLOR = (0.55, 0.55, 0.55)
-IGNORE_COLOR = (0.15, 0.15, 0.15)
-
-
-def instance_colors(count: int) -> npt.NDArray[np.float64]:
-    """Return colours that are easy to tell apart, the same for the same number every time.
-
-    Args:
-        count: How many.
-
-    Returns:
-        float64 [count, 3], RGB from 0 to 1.
-    """
-    number = np.arange(count)
-    # Steps of the golden ratio around the colour circle never come close to an earlier hue for long.
-    hue = (0.07 + number * GOLDEN_RATIO) % 1
-    saturation = np.array([0.85, 0.6, 0.95])[number % 3]
-    value = np.array([0.95, 0.8, 0.65, 0.9])[number % 4]
-    return hsv_to_rgb(np.stack([hue, saturation, value], axis=1)).reshape(count, 3)
-
-
-def overlay(
-    rgb: npt.NDArray[np.uint8], instances: npt.NDArray[np.int32], first: int = 1, opacity: float = 0.55
-) -> npt.NDArray[np.uint8]:
-    """Paint instances over a picture, with white outlines.
-
-    Args:
-        rgb: uint8 [H, W, 3].
-        instances: int32 [H, W]. Ids from `first` on are painted; in truths (`first` = 2) the supporting surface is
-            painted grey and ignored pixels dark.
-        first: The smallest id of an object.
-        opacity: 0 shows only the picture, 1 only the colours.
-
-    Returns:
-        uint8 [H, W, 3].
-    """
-    ids, index = np.unique(instances, return_inverse=True)
-    colors = instance_colors(max(int(ids.max(initial=0)) - first + 1, 0))
-    table = np.zeros((len(ids), 4))
-    for place, number in enumerate(ids.tolist()):
-        if number >= first:
-            table[place] = (*colors[number - first], opacity)
-        elif number == SUPPORT:
-            table[place] = (*SUPPORT_COLOR, opacity / 2)
-        elif number < 0:
-            table[place] = (*IGNORE_COLOR, opacity)
-    paint = table[index.reshape(instances.shape)]
-    mixed = rgb / 255 * (1 - paint[..., 3:]) + paint[..., :3] * paint[..., 3:]
-    mixed[find_boundaries(np.maximum(instances, first - 1), mode="inner", connectivity=1)] = 1
-    return (mixed * 255).round().astype(np.uint8)
 
 
 def segmentation_figure(

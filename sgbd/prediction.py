@@ -11,7 +11,7 @@ import numpy as np
 
 from sgbd.atomic_file import write_whole
 from sgbd.frame import MILLIMETRES, Frame, Intrinsics
-from sgbd.plot import overlay
+from sgbd.overlay import overlay
 from sgbd.segmentation import Segmentation
 from sgbd.sources import Folder, FrameReadError, FrameSource
 from sgbd.sources.image import IMAGE_SUFFIXES, read_depth, read_rgb

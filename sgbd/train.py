@@ -20,7 +20,7 @@ from sgbd.models import EdgeClassifier, ObjectnessHead
 from sgbd.plot import curves_figure
 from sgbd.prepare import frame_source, prepare_splits
 from sgbd.recipe import describe
-from sgbd.results import draw_examples, example_frames, markdown, write_evaluation, write_figure
+from sgbd.results import draw_examples, example_frames, write_evaluation, write_figure
 from sgbd.segmenter import Segmenter
 from sgbd.sweep import run_once
 from sgbd.training import Trainer, TrainingResult

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
-from sgbd.frame import BACKGROUND, IGNORE, SUPPORT, Frame
+from sgbd.frame import SUPPORT, Frame
+from sgbd.overlay import overlay
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -116,7 +116,7 @@ class FrameSource(ABC):
         figure.colorbar(depth, ax=axes[1], shrink=0.8)
         if frame.instances is not None:
             objects = np.unique(frame.instances[frame.instances > SUPPORT])
-            axes[2].imshow(instance_colours(frame.instances))
+            axes[2].imshow(overlay(frame.rgb, frame.instances, first=SUPPORT + 1, opacity=0.8))
             axes[2].set_title(f"{objects.size} objects")
             for identity in objects:
                 if identity in frame.categories:
@@ -126,28 +126,6 @@ class FrameSource(ABC):
             axis.set_xticks([])
             axis.set_yticks([])
         return figure
-
-
-def instance_colours(instances: npt.NDArray[np.int32]) -> npt.NDArray[np.uint8]:
-    """Colour an instance map: background black, support grey, ignored pixels white, objects in distinct colours.
-
-    Args:
-        instances: int32 [H, W] as in `Frame.instances`.
-
-    Returns:
-        uint8 [H, W, 3].
-    """
-    from matplotlib import colormaps
-
-    palette = (np.asarray(colormaps["tab20"].colors) * 255).round().astype(np.uint8)  # type: ignore[attr-defined]
-    # tab20 pairs a dark with a light tone of each hue; the grey pair would look like the support.
-    palette = np.delete(palette, [14, 15], axis=0)
-    palette = np.concatenate([palette[::2], palette[1::2]])
-    colours = palette[(instances - SUPPORT - 1) % len(palette)]
-    colours[instances == BACKGROUND] = 0
-    colours[instances == SUPPORT] = 127
-    colours[instances == IGNORE] = 255
-    return colours
 
 
 def _size_and_time(path: Path) -> tuple[int, int] | None:
