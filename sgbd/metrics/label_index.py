@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from sgbd.compiled import compiled
 
-# Labels up to this are translated with a table; above, with a binary search.
-_LARGEST_TABLE = 1 << 20
+# A wider range of labels is searched instead of looked up in a table.
+_LONGEST_TABLE = 1 << 20
 
 
 def as_label_map(label_map: ArrayLike, name: str, lowest: int = 0) -> NDArray[np.integer]:
@@ -37,9 +37,9 @@ def distinct_labels(label_map: NDArray[np.integer]) -> NDArray[np.int64]:
     if label_map.size == 0:
         return np.empty(0, dtype=np.int64)
     lowest, highest = int(label_map.min()), int(label_map.max())
-    if highest - lowest >= _LARGEST_TABLE:
+    if not _fits_table(lowest, highest):
         return np.unique(label_map).astype(np.int64)
-    return np.flatnonzero(_occurring(label_map.ravel(), lowest, highest)) + lowest
+    return np.flatnonzero(_occurring(_flat(label_map), lowest, highest)) + lowest
 
 
 def label_index(label_map: NDArray[np.integer], labels: ArrayLike) -> NDArray[np.int32]:
@@ -56,30 +56,39 @@ def label_index(label_map: NDArray[np.integer], labels: ArrayLike) -> NDArray[np
     if label_map.size == 0 or labels.size == 0:
         return np.full(label_map.shape, -1, dtype=np.int32)
     lowest, highest = int(label_map.min()), int(label_map.max())
-    if highest - lowest < _LARGEST_TABLE:
+    if _fits_table(lowest, highest):
         table = np.full(highest - lowest + 1, -1, dtype=np.int32)
         inside = np.flatnonzero((labels >= lowest) & (labels <= highest))
         table[labels[inside] - lowest] = inside
-        return _translated(label_map.ravel(), lowest, table).reshape(label_map.shape)
+        return _translated(_flat(label_map), lowest, table).reshape(label_map.shape)
     order = np.argsort(labels)
     ascending = labels[order]
     position = np.minimum(np.searchsorted(ascending, label_map), len(labels) - 1)
     return np.where(ascending[position] == label_map, order[position], -1).astype(np.int32)
 
 
+def _fits_table(lowest: int, highest: int) -> bool:
+    return highest - lowest < _LONGEST_TABLE and -(1 << 31) <= lowest <= highest < 1 << 31
+
+
+def _flat(label_map: NDArray[np.integer]) -> NDArray[np.int32]:
+    # One type of input means one compilation of what follows, whatever type of integer the caller has.
+    return label_map.ravel().astype(np.int32, copy=False)
+
+
 @compiled
-def _occurring(labels: NDArray[np.integer], lowest: int, highest: int) -> NDArray[np.bool_]:
+def _occurring(labels: NDArray[np.int32], lowest: int, highest: int) -> NDArray[np.bool_]:
     """Whether each label from `lowest` to `highest` occurs."""
     occurs = np.zeros(highest - lowest + 1, dtype=np.bool_)
     for label in labels:
-        occurs[np.int64(label) - lowest] = True
+        occurs[label - lowest] = True
     return occurs
 
 
 @compiled
-def _translated(labels: NDArray[np.integer], lowest: int, table: NDArray[np.int32]) -> NDArray[np.int32]:
+def _translated(labels: NDArray[np.int32], lowest: int, table: NDArray[np.int32]) -> NDArray[np.int32]:
     """What the table, which begins with the label `lowest`, holds for each label."""
     translation = np.empty(labels.shape, dtype=np.int32)
     for i in range(labels.size):
-        translation[i] = table[np.int64(labels[i]) - lowest]
+        translation[i] = table[labels[i] - lowest]
     return translation
