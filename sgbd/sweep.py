@@ -40,7 +40,7 @@ ASIDE = "earlier-"
 
 PLACES = ("data_dir", "cache_dir", "output_dir")
 """Keys that say where files lie; whatever they are, the result is the same."""
-IMMATERIAL = ("name", "workers", "logger")
+IMMATERIAL = ("name", "workers", "logger", "in_memory", "pictures")
 """Keys that don't change the result either."""
 
 PER_CENT = 100
