@@ -1,0 +1,94 @@
+"""Random textures for objects, by what the thing is made of."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sgbd.sources.synthetic import colours, prints
+from sgbd.sources.synthetic.textures import Bands, Checks, Plain, Printed, Speckled, Stripes, Texture, Wood
+
+
+def seed_of(rng: np.random.Generator) -> int:
+    """Draw a seed for a texture's noise."""
+    return int(rng.integers(1 << 20))
+
+
+def plastic(rng: np.random.Generator, colour: colours.Colour | None = None) -> Texture:
+    """Smooth and slightly shiny, one colour."""
+    chosen = colours.any_colour(rng) if colour is None else colour
+    return Plain(chosen, grain=0.02, scale=0.01, seed=seed_of(rng), gloss=rng.uniform(0.15, 0.5))
+
+
+def metallic(rng: np.random.Generator, colour: colours.Colour | None = None) -> Texture:
+    """Brushed metal: fine streaks, strong highlights."""
+    chosen = colours.metal(rng) if colour is None else colour
+    pair = np.stack([chosen * np.float32(0.88), chosen * np.float32(1.06)])
+    return Speckled(pair, (0.001, 0.02, 0.02), 0.0, seed_of(rng), gloss=rng.uniform(0.5, 0.9))
+
+
+def ceramic(rng: np.random.Generator) -> Texture:
+    """Glazed: plain, dipped, striped or speckled."""
+    first = colours.any_colour(rng)
+    second = colours.contrasting(rng, first)
+    gloss = rng.uniform(0.3, 0.7)
+    kind = rng.choice(5, p=(0.35, 0.2, 0.2, 0.1, 0.15))
+    if kind == 0:
+        return Plain(first, 0.03, 0.02, seed_of(rng), gloss=gloss)
+    if kind == 1:
+        height = rng.uniform(-0.03, 0.03)
+        return Bands((Plain(first, gloss=gloss), Plain(second, gloss=gloss)), (height,), gloss=gloss)
+    if kind == 2:
+        return Stripes(
+            np.stack([first, second]), np.float32([0, 0, 1]), rng.uniform(0.015, 0.05), rng.random(), gloss=gloss
+        )
+    if kind == 3:
+        return Stripes(np.stack([first, second]), None, 2 * np.pi / rng.integers(4, 12), gloss=gloss)
+    size = rng.uniform(0.004, 0.02)
+    return Speckled(np.stack([first, second]), (size, size, size), rng.uniform(0.4, 1), seed_of(rng), gloss=gloss)
+
+
+def cloth(rng: np.random.Generator) -> Texture:
+    """Fabric: plain, striped, checked, mottled or with a print."""
+    first = colours.any_colour(rng)
+    second = colours.contrasting(rng, first)
+    pair = np.stack([first, second])
+    kind = rng.choice(5, p=(0.3, 0.2, 0.2, 0.1, 0.2))
+    if kind == 0:
+        return Plain(first, 0.15, 0.006, seed_of(rng), gloss=0.0)
+    if kind == 1:
+        direction = np.zeros(3, dtype=np.float32)
+        direction[rng.integers(2)] = 1
+        return Stripes(pair, direction, rng.uniform(0.015, 0.06), rng.random(), gloss=0.0)
+    if kind == 2:
+        return Checks(pair, rng.uniform(0.01, 0.04), bool(rng.random() < 0.6), gloss=0.0)
+    if kind == 3:
+        size = rng.uniform(0.01, 0.03)
+        return Speckled(pair, (size, size, size), rng.uniform(0.2, 0.7), seed_of(rng), gloss=0.0)
+    return Printed(prints.pattern(rng), Plain(first, gloss=0.0), "box", (-0.2, -0.2), (0.2, 0.2), gloss=0.0)
+
+
+def casing(rng: np.random.Generator) -> Texture:
+    """Housing of an appliance: white, grey, black, steel, now and then a colour."""
+    kind = rng.choice(5, p=(0.35, 0.15, 0.2, 0.15, 0.15))
+    if kind == 3:
+        return metallic(rng)
+    pick = (colours.light, colours.grey, colours.dark, colours.metal, colours.vivid)[kind]
+    return Plain(pick(rng), 0.02, 0.05, seed_of(rng), gloss=rng.uniform(0.1, 0.5))
+
+
+def wooden(rng: np.random.Generator, along: int | None = None) -> Texture:
+    """One piece of wood."""
+    axis = int(rng.integers(3)) if along is None else along
+    return Wood(colours.wood(rng), axis, contrast=rng.uniform(0.3, 0.8), seed=seed_of(rng), gloss=rng.uniform(0, 0.3))
+
+
+def glass_dark(rng: np.random.Generator) -> Texture:
+    """Dark polished glass."""
+    return Plain(colours.dark(rng) * np.float32(0.7), 0.0, gloss=0.9)
+
+
+def wrapped(rng: np.random.Generator, low: float, high: float, base: Texture, repeats: int | None = None) -> Texture:
+    """A printed label around the z axis between two heights in metres."""
+    times = int(rng.integers(1, 4)) if repeats is None else repeats
+    image = prints.label(rng, 384, 128, times)
+    return Printed(image, base, "around", (-np.pi, low), (np.pi, high), gloss=base.gloss)

@@ -1,0 +1,261 @@
+"""Writing a synthetic dataset: scene by scene, in processes, each scene whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import logging
+import multiprocessing
+import os
+import shutil
+import signal
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from filelock import FileLock, Timeout
+from PIL import Image
+from tqdm import tqdm
+
+from sgbd.sources.categories import TABLE_CATEGORY, TOD_CATEGORIES, TOD_SYNSETS
+from sgbd.sources.synthetic.recipe import FIRST_VIEW, FOLDERS, Recipe
+
+log = logging.getLogger(__name__)
+
+RECIPE_FILE = "dataset.json"
+LISTS = {split: f"{split}.txt" for split in FOLDERS}
+
+
+class MissingExtraError(ImportError):
+    """The packages that make synthetic frames are not installed."""
+
+
+class GenerationError(RuntimeError):
+    """A scene that could not be made or written; what was finished before stays and is not made again."""
+
+
+def is_complete(root: Path, recipe: Recipe) -> bool:
+    """Say whether a folder holds all frames of a recipe."""
+    return _stored_recipe(root) == recipe.as_dict() and all((root / name).is_file() for name in LISTS.values())
+
+
+def generate(root: Path, recipe: Recipe, workers: int | None = None, progress: bool = True) -> None:
+    """Write all frames of a recipe that are not there yet.
+
+    Two processes that generate the same dataset don't disturb each other: the second waits and finds it done. What is
+    killed continues where it stopped.
+
+    Args:
+        root: Folder of this dataset alone.
+        recipe: What to make.
+        workers: Processes; None for one a core, 1 for none beside this one. It does not change the frames.
+        progress: Whether to show a progress bar.
+
+    Raises:
+        MissingExtraError: If the packages for it are not installed.
+        GenerationError: If a scene cannot be made, or the disk is full.
+    """
+    if is_complete(root, recipe):
+        return
+    require_extra()
+    workers = workers if workers is not None else (os.process_cpu_count() if hasattr(os, "process_cpu_count") else os.cpu_count()) or 1
+    if workers < 1:
+        raise ValueError(f"workers must be at least 1 or None for one a core; got {workers}")
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(root / ".lock")
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            log.warning("another process generates %s: waiting for it", root)
+            lock.acquire()
+        with lock:
+            if not is_complete(root, recipe):
+                _generate_locked(root, recipe, workers, progress)
+    except OSError as error:
+        raise GenerationError(
+            f"{root} cannot be written: {error.strerror or error}. Free space or choose another folder (root); "
+            "finished scenes are kept and not made again."
+        ) from error
+
+
+def require_extra() -> None:
+    """Check that the packages which make frames are there.
+
+    Raises:
+        MissingExtraError: If one is not; the message says how to install it.
+    """
+    try:
+        import embreex.rtcore_scene
+        import mujoco
+        import trimesh  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError(
+            f"making synthetic frames needs the package {error.name!r}, which is not installed. Install the extra: "
+            "pip install 'sgbd[synthetic]'. Reading frames that were made before needs nothing."
+        ) from error
+
+
+def write_scene(root: Path, recipe: Recipe, split: str, number: int) -> Path:
+    """Make one scene and put it in its place in one step.
+
+    Args:
+        root: Folder of the dataset.
+        recipe: What to make.
+        split: `train`, `val` or `test`.
+        number: Which scene of the split.
+
+    Returns:
+        The scene's folder.
+    """
+    from sgbd.sources.synthetic.scene import arrange, photograph
+
+    folder, count = recipe.scenes(split)[number]
+    target = root / folder
+    temporary = target.with_name(f".{target.name}.{os.getpid()}")
+    shutil.rmtree(temporary, ignore_errors=True)
+    temporary.mkdir(parents=True)
+    try:
+        seed = np.random.SeedSequence([recipe.seed, list(FOLDERS).index(split), number])
+        arrangement = arrange(recipe.categories(split), recipe.objects, seed)
+        views = photograph(arrangement, count, recipe.sensor, recipe.resolution, seed)
+        names = [shape.category for shape in arrangement.shapes]
+        category_of = np.zeros(256, dtype=np.uint8)
+        category_of[1] = TABLE_CATEGORY
+        category_of[2 : 2 + len(names)] = [TOD_CATEGORIES.index(name) + 1 for name in names]
+        for k, view in enumerate(views):
+            ending = f"{FIRST_VIEW + k:05d}"
+            Image.fromarray(view.rgb).save(temporary / f"rgb_{ending}.jpeg", quality=95, subsampling=0)
+            Image.fromarray(view.depth).save(temporary / f"depth_{ending}.png", compress_level=2)
+            Image.fromarray(view.segmentation).save(temporary / f"segmentation_{ending}.png", compress_level=2)
+            Image.fromarray(category_of[view.segmentation]).save(temporary / f"semseg_{ending}.png", compress_level=2)
+        description = _description(recipe, split, number, arrangement, views)
+        (temporary / "scene_description.txt").write_text(json.dumps(description, indent=1), encoding="utf-8")
+        temporary.replace(target)
+    except BaseException:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
+    return target
+
+
+def _generate_locked(root: Path, recipe: Recipe, workers: int, progress: bool) -> None:
+    stored = _stored_recipe(root)
+    if stored is not None and stored != recipe.as_dict():
+        raise GenerationError(f"{root} holds frames of another recipe ({root / RECIPE_FILE}); choose another folder")
+    _write_whole(root / RECIPE_FILE, json.dumps(recipe.as_dict(), indent=1) + "\n")
+    tasks = []
+    for split, folder in FOLDERS.items():
+        (root / folder).mkdir(exist_ok=True)
+        for leftover in (root / folder).glob(".scene_*"):
+            shutil.rmtree(leftover, ignore_errors=True)
+        tasks += [(split, k) for k, (scene, _) in enumerate(recipe.scenes(split)) if not (root / scene).is_dir()]
+    total = sum(recipe.frames(split) for split in FOLDERS)
+    views = {(split, k): count for split in FOLDERS for k, (_, count) in enumerate(recipe.scenes(split))}
+    done = total - sum(views[task] for task in tasks)
+    with tqdm(total=total, initial=done, desc="generating frames", unit="frame", disable=not progress) as bar:
+        for task in _run(root, recipe, tasks, min(workers, max(1, len(tasks)))):
+            bar.update(views[task])
+    for split, name in LISTS.items():
+        _write_whole(root / name, "".join(f"{line}\n" for line in recipe.listed(split)))
+
+
+def _run(root: Path, recipe: Recipe, tasks: list[tuple[str, int]], workers: int) -> Iterator[tuple[str, int]]:
+    """Make scenes and yield each when it is in its place."""
+    if workers == 1:
+        for split, number in tasks:
+            try:
+                write_scene(root, recipe, split, number)
+            except Exception as error:
+                raise _failure(root, split, number, error) from error
+            yield split, number
+        return
+    # Fresh interpreters: a fork of a process that has threads (torch, Embree) may hang.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare_worker) as pool:
+        waiting = iter(tasks)
+        running: dict[Future, tuple[str, int]] = {}
+        try:
+            while True:
+                # Few at a time, so that an interruption need not wait for a long queue.
+                while len(running) < 2 * workers and (task := next(waiting, None)) is not None:
+                    running[pool.submit(write_scene, root, recipe, *task)] = task
+                if not running:
+                    return
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    task = running.pop(future)
+                    try:
+                        future.result()
+                    except BrokenProcessPool as error:
+                        raise GenerationError(
+                            "a worker process was killed, probably for want of memory; use fewer workers. "
+                            "Finished scenes are kept and not made again."
+                        ) from error
+                    except Exception as error:
+                        raise _failure(root, *task, error) from error
+                    yield task
+        except BaseException:
+            for future in running:
+                future.cancel()
+            raise
+
+
+def _failure(root: Path, split: str, number: int, error: Exception) -> Exception:
+    if isinstance(error, OSError):
+        return error
+    return GenerationError(f"scene {number} of split {split!r} in {root}: {type(error).__name__}: {error}")
+
+
+def _prepare_worker() -> None:
+    # Ctrl-C goes to the main process alone, which lets the scenes in work finish.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _description(recipe: Recipe, split: str, number: int, arrangement: Any, views: list[Any]) -> dict[str, Any]:
+    camera = views[0].camera.intrinsics
+    objects = []
+    for k, (shape, pose) in enumerate(zip(arrangement.shapes, arrangement.poses, strict=True)):
+        objects.append(
+            {
+                "instance": 2 + k,
+                "category": shape.category,
+                "synset": next(synset for synset, name in TOD_SYNSETS.items() if name == shape.category),
+                "position": np.round(pose.position, 6).tolist(),
+                "rotation": np.round(pose.turn, 6).tolist(),
+                "size": np.round(shape.extents, 4).tolist(),
+                "visible_pixels": [int((view.segmentation == 2 + k).sum()) for view in views],
+            }
+        )
+    return {
+        "seed": [recipe.seed, list(FOLDERS).index(split), number],
+        "redrawn": arrangement.attempt,
+        "intrinsics": {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy},
+        "table": {
+            "round": arrangement.table.round,
+            "size": np.round(arrangement.table.size, 4).tolist(),
+            "height": round(arrangement.table.height, 4),
+        },
+        "object_descriptions": objects,
+        "views": [
+            {
+                "view": FIRST_VIEW + k,
+                "camera_position": np.round(view.camera.position, 6).tolist(),
+                "camera_rotation": np.round(view.camera.turn, 6).tolist(),
+            }
+            for k, view in enumerate(views)
+        ],
+    }
+
+
+def _stored_recipe(root: Path) -> Any:
+    try:
+        return json.loads((root / RECIPE_FILE).read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        return None
+
+
+def _write_whole(path: Path, text: str) -> None:
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary.write_text(text, encoding="utf-8")
+    temporary.replace(path)

@@ -1,0 +1,214 @@
+"""Dropping objects on a table: rigid-body simulation until they rest.
+
+E. Todorov, T. Erez, Y. Tassa, "MuJoCo: a physics engine for model-based control", IROS 2012,
+doi:10.1109/IROS.2012.6386109.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from sgbd.sources.synthetic.shapes.part import Shape, Solid
+from sgbd.sources.synthetic.table import Table
+
+Floats = npt.NDArray[np.float64]
+
+TIME_STEP = 0.004
+LONGEST = 2.6
+"""Simulated seconds after which what still moves counts as moving."""
+RESTING_SPEED = 0.08
+"""Metres a second, below which an object lies still enough to be photographed."""
+WILDEST_SPEED = 15.0
+"""Metres a second: a fall from the highest drop ends at half of that, so this is an explosion."""
+DEEPEST = 0.012
+"""Metres by which resting objects may sink into each other."""
+
+
+class UnstableSimulationError(RuntimeError):
+    """The simulation blew up: its outcome is no scene."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Where an object is.
+
+    Attributes:
+        position: float64 [3], metres, of the object's origin in the room.
+        turn: float64 [3, 3], from the object's frame to the room's.
+    """
+
+    position: Floats
+    turn: Floats
+
+
+def settle(shapes: list[Shape], table: Table, rng: np.random.Generator) -> list[Pose | None]:
+    """Drop objects on a table and let them come to rest.
+
+    Args:
+        shapes: The objects.
+        table: What they fall on.
+        rng: Source of randomness of places and orientations.
+
+    Returns:
+        The pose of each object; None for one that fell off the table or still moves.
+
+    Raises:
+        UnstableSimulationError: If the simulation blew up.
+    """
+    starts = drop_poses(shapes, table, rng)
+    model = _model(shapes, starts, table)
+    data = mujoco.MjData(model)
+    count = len(shapes)
+    for step in range(int(LONGEST / TIME_STEP)):
+        mujoco.mj_step(model, data)
+        if step % 25 == 24:
+            check_stability(data, count)
+            speed = _speeds(data, count)
+            on_table = data.xpos[1:][:, 2] > table.height - 0.02
+            if step > 100 and (speed[on_table] < 0.25 * RESTING_SPEED).all():
+                break
+    mujoco.mj_forward(model, data)
+    check_stability(data, count)
+    check_penetration(model, data, table)
+    speed = _speeds(data, count)
+    poses: list[Pose | None] = []
+    for k in range(count):
+        position, turn = data.xpos[k + 1].copy(), data.xmat[k + 1].reshape(3, 3).copy()
+        rests = speed[k] < RESTING_SPEED and table.holds(position)
+        poses.append(Pose(position, turn) if rests else None)
+    return poses
+
+
+def drop_poses(shapes: list[Shape], table: Table, rng: np.random.Generator) -> list[Pose]:
+    """Draw where the objects start: near each other, above the table, none inside another.
+
+    Each object takes the lowest of a few random places over what is already there, by bounding boxes.
+    """
+    footprint = sum(float(np.prod(np.sort(shape.extents)[1:])) for shape in shapes)
+    reach = min(0.36 * min(table.size), 0.5 * np.sqrt(footprint) * rng.uniform(0.55, 1.0))
+    centre = rng.uniform(-0.15, 0.15, 2) * np.asarray(table.size)
+    placed: list[tuple[Floats, Floats]] = []
+    poses = []
+    for shape in shapes:
+        turn = _orientation(shape, rng)
+        half = np.abs(turn) @ (shape.extents / 2) + 0.006
+        best: Floats | None = None
+        for _ in range(4):
+            angle, radius = rng.uniform(0, 2 * np.pi), reach * np.sqrt(rng.random())
+            place = np.array([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle), 0.0])
+            below = [
+                other[2] + size[2] for other, size in placed if (np.abs(other - place)[:2] < (half + size)[:2]).all()
+            ]
+            place[2] = max([table.height, *below]) + half[2]
+            if best is None or place[2] < best[2]:
+                best = place
+        assert best is not None
+        placed.append((best, half))
+        poses.append(Pose(best, turn))
+    return poses
+
+
+def check_stability(data: mujoco.MjData, count: int) -> None:
+    """Raise UnstableSimulationError for values that are not finite, absurd places or speeds, or solver warnings."""
+    bad = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+    if any(data.warning[int(kind)].number for kind in bad):
+        raise UnstableSimulationError("the solver met values that are not finite")
+    if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
+        raise UnstableSimulationError("a position or a speed is not finite")
+    fastest = float(_speeds(data, count).max(initial=0.0))
+    if fastest > WILDEST_SPEED:
+        raise UnstableSimulationError(f"an object moves at {fastest:.0f} m/s")
+    farthest = float(np.abs(data.xpos).max(initial=0.0))
+    if farthest > 20.0:
+        raise UnstableSimulationError(f"an object is {farthest:.0f} m away")
+
+
+def check_penetration(model: mujoco.MjModel, data: mujoco.MjData, table: Table) -> None:
+    """Raise UnstableSimulationError if objects on the table are deep inside each other or the table."""
+    if data.ncon == 0:
+        return
+    contact = data.contact
+    above = contact.pos[:, 2] > table.height - 0.05
+    deepest = -float(contact.dist[above].min(initial=0.0))
+    if deepest > DEEPEST:
+        raise UnstableSimulationError(f"an object is {1000 * deepest:.0f} mm inside another")
+
+
+def _speeds(data: mujoco.MjData, count: int) -> Floats:
+    return np.linalg.norm(data.qvel.reshape(count, 6)[:, :3], axis=1)
+
+
+def _orientation(shape: Shape, rng: np.random.Generator) -> Floats:
+    yaw = Rotation.from_euler("z", rng.uniform(0, 2 * np.pi))
+    if rng.random() < shape.upright:
+        return yaw.as_matrix()
+    if rng.random() < 0.6:
+        # Lying on one of the sides or upside down.
+        side = Rotation.from_euler(
+            "xyz", [(90, 0, 0), (-90, 0, 0), (0, 90, 0), (0, -90, 0), (180, 0, 0)][rng.integers(5)], degrees=True
+        )
+        return (yaw * side).as_matrix()
+    return Rotation.random(rng=rng).as_matrix()
+
+
+def _model(shapes: list[Shape], poses: list[Pose], table: Table) -> mujoco.MjModel:
+    spec = mujoco.MjSpec()
+    spec.option.timestep = TIME_STEP
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.iterations = 30
+    world = spec.worldbody
+    surface = {"friction": [0.8, 0.01, 0.002], "condim": 4, "solref": [0.012, 1.0]}
+    world.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], **surface)
+    if table.round:
+        world.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+            size=[table.size[0] / 2, 0.1, 0],
+            pos=[0, 0, table.height - 0.1],
+            **surface,
+        )
+    else:
+        world.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[table.size[0] / 2, table.size[1] / 2, 0.1],
+            pos=[0, 0, table.height - 0.1],
+            **surface,
+        )
+    for k, (shape, pose) in enumerate(zip(shapes, poses, strict=True)):
+        body = world.add_body(name=f"object{k}", pos=pose.position, quat=_quaternion(pose.turn))
+        body.add_freejoint()
+        for j, solid in enumerate(shape.solids):
+            _add_solid(spec, body, solid, f"hull{k}_{j}", surface)
+    return spec.compile()
+
+
+def _add_solid(spec: mujoco.MjSpec, body: mujoco.MjsBody, solid: Solid, name: str, surface: dict[str, object]) -> None:
+    density = 300.0
+    if solid.kind == "hull":
+        # Coordinates that differ by rounding would make slivers of faces.
+        spec.add_mesh(
+            name=name, uservert=np.round(solid.size, 6).ravel(), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+        )
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, density=density, **surface)
+        return
+    kinds = {
+        "box": mujoco.mjtGeom.mjGEOM_BOX,
+        "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+        "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+        "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+    }
+    size = np.zeros(3)
+    size[: len(solid.size)] = solid.size
+    body.add_geom(
+        type=kinds[solid.kind], size=size, pos=solid.centre, quat=_quaternion(solid.turn), density=density, **surface
+    )
+
+
+def _quaternion(turn: Floats) -> Floats:
+    """Return a rotation matrix as (w, x, y, z)."""
+    return np.roll(Rotation.from_matrix(turn).as_quat(), 1)

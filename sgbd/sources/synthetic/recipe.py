@@ -1,0 +1,102 @@
+"""What a synthetic dataset is made from: everything that its frames depend on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from sgbd.sources.categories import TOD_CATEGORIES, TODZ_SEEN
+
+GENERATOR_VERSION = 1
+"""Raised by every change of the generator that changes a frame: older data is then made anew, never mixed in."""
+
+SENSORS = ("clean", "kinect")
+FOLDERS = {"train": "training_set", "val": "validation_set", "test": "test_set"}
+FIRST_VIEW = 2
+"""Number of a scene's first picture: in the layout, 0 is the empty room and 1 the empty table."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Sizes, ranges and seed of a synthetic dataset.
+
+    Attributes:
+        train_frames: Frames with seen categories only.
+        val_frames: The same, of other scenes.
+        test_frames: Frames with seen and unseen categories.
+        views_per_scene: Pictures taken of each arrangement of objects.
+        objects: Least and largest number of objects on the table.
+        resolution: Width and height, pixels.
+        sensor: `clean` (exact depth) or `kinect` (structured light).
+        seed: Fixes every scene; more frames of the same seed begin with the same scenes.
+
+    Raises:
+        ValueError: On construction, if a value is out of range.
+    """
+
+    train_frames: int
+    val_frames: int
+    test_frames: int
+    views_per_scene: int
+    objects: tuple[int, int]
+    resolution: tuple[int, int]
+    sensor: str
+    seed: int
+
+    def __post_init__(self) -> None:
+        """Check the values and make the pairs tuples."""
+        object.__setattr__(self, "objects", _pair("objects", self.objects, "least and largest number of objects"))
+        object.__setattr__(self, "resolution", _pair("resolution", self.resolution, "width and height in pixels"))
+        for name in ("train_frames", "val_frames", "test_frames", "seed"):
+            if getattr(self, name) < 0:
+                raise ValueError(f"{name} must not be negative; got {getattr(self, name)}")
+        if self.views_per_scene < 1:
+            raise ValueError(f"views_per_scene must be at least 1; got {self.views_per_scene}")
+        low, high = self.objects
+        if not 1 <= low <= high <= 40:
+            raise ValueError(f"objects must be a range within 1 to 40, such as [5, 25]; got [{low}, {high}]")
+        if min(self.resolution) < 64 or max(self.resolution) > 2048:
+            raise ValueError(f"resolution must lie between 64 and 2048 pixels a side; got {list(self.resolution)}")
+        if self.sensor not in SENSORS:
+            raise ValueError(f"no sensor {self.sensor!r}; choose from {', '.join(SENSORS)}")
+
+    def frames(self, split: str) -> int:
+        """Return the number of frames of a split."""
+        return int(getattr(self, f"{split}_frames"))
+
+    def categories(self, split: str) -> tuple[str, ...]:
+        """Return the categories whose objects a split holds."""
+        return TOD_CATEGORIES if split == "test" else tuple(name for name in TOD_CATEGORIES if name in TODZ_SEEN)
+
+    def scenes(self, split: str) -> list[tuple[str, int]]:
+        """Return folder below the root and number of views of each scene of a split; the last may have fewer views."""
+        full, rest = divmod(self.frames(split), self.views_per_scene)
+        views = [self.views_per_scene] * full + [rest] * (rest > 0)
+        return [(f"{FOLDERS[split]}/scene_{number:05d}", count) for number, count in enumerate(views)]
+
+    def listed(self, split: str) -> list[str]:
+        """Return the lines of a split's list of frames."""
+        return [
+            f"{folder}/rgb_{view:05d}.jpeg"
+            for folder, views in self.scenes(split)
+            for view in range(FIRST_VIEW, FIRST_VIEW + views)
+        ]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the recipe as JSON values."""
+        plain = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self).items()}
+        return {"generator_version": GENERATOR_VERSION, **plain}
+
+    def digest(self) -> str:
+        """Return ten hex digits that differ for every other recipe."""
+        return hashlib.sha256(json.dumps(self.as_dict(), sort_keys=True).encode()).hexdigest()[:10]
+
+
+def _pair(name: str, value: Sequence[int], meaning: str) -> tuple[int, int]:
+    values = tuple(int(number) for number in value)
+    if len(values) != 2:
+        raise ValueError(f"{name} must be two numbers, {meaning}; got {list(value)}")
+    return values

@@ -1,0 +1,228 @@
+"""One scene: a table in a room, objects at rest on it, lights, and the views taken of it."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from sgbd.frame import SUPPORT, Intrinsics
+from sgbd.sources.synthetic import sensor
+from sgbd.sources.synthetic.physics import Pose, UnstableSimulationError, settle
+from sgbd.sources.synthetic.render import Camera, Light, Scene
+from sgbd.sources.synthetic.room import Placed, Room, random_room
+from sgbd.sources.synthetic.shapes import SHAPES, Shape
+from sgbd.sources.synthetic.table import Table, random_table
+
+log = logging.getLogger(__name__)
+
+ATTEMPTS = 50
+"""Draws of a scene before giving up: far more than a sane recipe ever needs."""
+VISIBLE = 150
+"""Pixels at 640x480 from which on an object counts as visible."""
+
+
+class SceneError(RuntimeError):
+    """No acceptable scene could be drawn from a recipe."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A picture with its truth.
+
+    Attributes:
+        rgb: uint8 [H, W, 3].
+        depth: uint16 [H, W], millimetres, 0 = missing.
+        segmentation: uint8 [H, W]: 0 background, 1 table, 2 and more objects.
+        camera: Where it was taken from.
+    """
+
+    rgb: npt.NDArray[np.uint8]
+    depth: npt.NDArray[np.uint16]
+    segmentation: npt.NDArray[np.uint8]
+    camera: Camera
+
+
+@dataclass(frozen=True, eq=False)
+class Arrangement:
+    """Objects at rest.
+
+    Attributes:
+        table: What they lie on.
+        shapes: The objects, in the order of their instance ids from 2 on.
+        poses: Where each is.
+        attempt: How many draws were thrown away before.
+    """
+
+    table: Table
+    shapes: tuple[Shape, ...]
+    poses: tuple[Pose, ...]
+    attempt: int
+
+
+def arrange(categories: Sequence[str], objects: tuple[int, int], seed: np.random.SeedSequence) -> Arrangement:
+    """Draw objects and drop them on a table, again with another seed if the simulation blows up or too few stay.
+
+    Args:
+        categories: Names to draw from.
+        objects: Least and largest number of objects on the table.
+        seed: Fixes the result.
+
+    Raises:
+        SceneError: If no draw was acceptable.
+    """
+    reasons = []
+    for attempt in range(ATTEMPTS):
+        rng = np.random.default_rng([*_words(seed), attempt])
+        table = random_table(rng)
+        count = int(rng.integers(objects[0], objects[1] + 1))
+        shapes = [SHAPES[categories[rng.integers(len(categories))]](rng) for _ in range(count)]
+        try:
+            poses = settle(shapes, table, rng)
+        except UnstableSimulationError as error:
+            reasons.append(str(error))
+            continue
+        kept = [(shape, pose) for shape, pose in zip(shapes, poses, strict=True) if pose is not None]
+        if len(kept) >= objects[0]:
+            return Arrangement(table, tuple(s for s, _ in kept), tuple(p for _, p in kept), attempt)
+        reasons.append(f"only {len(kept)} of {count} objects stayed on the table")
+    raise SceneError(
+        f"no scene with {objects[0]} to {objects[1]} objects came to rest in {ATTEMPTS} draws (the last: {reasons[-1]}); "
+        "ask for fewer objects"
+    )
+
+
+def photograph(
+    arrangement: Arrangement, views: int, sensor_name: str, resolution: tuple[int, int], seed: np.random.SeedSequence
+) -> list[View]:
+    """Furnish a room around an arrangement, light it, and take pictures.
+
+    Args:
+        arrangement: Table and objects.
+        views: Number of pictures.
+        sensor_name: `clean` or `kinect`.
+        resolution: Width and height, pixels.
+        seed: Fixes the result.
+    """
+    rng = np.random.default_rng([*_words(seed), 1 << 20])
+    room = random_room(arrangement.table, rng)
+    items = list(room.items)
+    labels = [0] * len(items)
+    for part in arrangement.table.parts:
+        items.append(Placed(part, np.eye(3), np.zeros(3)))
+        labels.append(SUPPORT)
+    for k, (shape, pose) in enumerate(zip(arrangement.shapes, arrangement.poses, strict=True)):
+        items += [Placed(part, pose.turn, pose.position) for part in shape.parts]
+        labels += [SUPPORT + 1 + k] * len(shape.parts)
+    scene = Scene(items, labels)
+    lights, ambient = _lighting(room, arrangement.table, rng)
+    look = _look(sensor_name, rng)
+    pictures = []
+    for _ in range(views):
+        camera = _camera(scene, arrangement, room, resolution, rng)
+        pictures.append(_picture(scene, camera, lights, ambient, look, sensor_name, rng))
+    return pictures
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    blur: float
+    noise: float
+    tint: npt.NDArray[np.float32]
+    middle: float
+
+
+def _look(sensor_name: str, rng: np.random.Generator) -> _Look:
+    real = sensor_name == "kinect"
+    tint = 1 + rng.normal(0, 0.03 if real else 0.012, 3)
+    return _Look(
+        blur=rng.uniform(0.6, 1.0) if real else 0.5,
+        noise=rng.uniform(2.0, 5.0) if real else 0.0,
+        tint=tint.astype(np.float32),
+        middle=float(np.exp(rng.uniform(np.log(0.14), np.log(0.34)))),
+    )
+
+
+def _lighting(room: Room, table: Table, rng: np.random.Generator) -> tuple[list[Light], npt.NDArray[np.float32]]:
+    """Draw one to three lamps under the ceiling or at a window, and the light that the walls throw back."""
+    top = np.array([0, 0, table.height])
+    lights = []
+    count = int(rng.choice(3, p=(0.35, 0.45, 0.2))) + 1
+    shares = rng.dirichlet(np.full(count, 2.0))
+    for share in shares:
+        if rng.random() < 0.7:
+            place = np.array([*rng.uniform(0.6 * room.low, 0.6 * room.high), room.height - 0.15])
+        else:
+            place = np.array([*rng.uniform(room.low + 0.2, room.high - 0.2), rng.uniform(1.6, 2.2)])
+            place[rng.integers(2)] *= 0.9
+        warmth = rng.normal(0, 0.08)
+        colour = np.float32([1 + warmth, 1, 1 - warmth]) * np.float32(share)
+        lights.append(Light(place, rng.uniform(0.05, 0.45), colour, float(np.linalg.norm(place - top))))
+    fill = rng.uniform(0.35, 0.8)
+    ambient = np.stack([np.full(3, 0.55 * fill), np.full(3, fill)]) * (1 + rng.normal(0, 0.03, 3))
+    return lights, ambient.astype(np.float32)
+
+
+def _camera(
+    scene: Scene, arrangement: Arrangement, room: Room, resolution: tuple[int, int], rng: np.random.Generator
+) -> Camera:
+    """Draw a viewpoint that sees several objects and has nothing right before it."""
+    width, height = resolution
+    intrinsics = Intrinsics.default(width, height)
+    places = np.stack([pose.position for pose in arrangement.poses])
+    wanted = min(len(places), 4)
+    least = VISIBLE * (width * height) / (640 * 480)
+    best: tuple[float, Camera] | None = None
+    for _ in range(30):
+        target = places.mean(axis=0) + rng.normal(0, 0.06, 3)
+        distance, elevation, azimuth = rng.uniform(0.7, 1.7), np.deg2rad(rng.uniform(18, 65)), rng.uniform(0, 2 * np.pi)
+        away = [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
+        position = target + distance * np.asarray(away)
+        roll = np.deg2rad(rng.normal(0, 2.5))
+        if (
+            (position[:2] < room.low + 0.15).any()
+            or (position[:2] > room.high - 0.15).any()
+            or position[2] > room.height - 0.15
+        ):
+            continue
+        camera = Camera.looking_at(position, target, roll, intrinsics, width, height)
+        labels, depth = scene.preview(camera, step := 8)
+        sizes = np.bincount(labels[labels > SUPPORT], minlength=2)[2:] * step**2
+        seen = int((sizes >= least).sum())
+        blocked = float((depth < 0.3).mean())
+        if seen >= wanted and blocked < 0.01:
+            return camera
+        score = seen - 20 * blocked
+        if best is None or score > best[0]:
+            best = (score, camera)
+    if best is None:
+        raise SceneError("no viewpoint inside of the room looks at the table")
+    return best[1]
+
+
+def _picture(
+    scene: Scene,
+    camera: Camera,
+    lights: list[Light],
+    ambient: npt.NDArray[np.float32],
+    look: _Look,
+    sensor_name: str,
+    rng: np.random.Generator,
+) -> View:
+    rendering = scene.render(camera, lights, ambient, rng)
+    # Exposed for what lies on the table, as a camera that looks at it would be.
+    weight = np.where(rendering.label >= SUPPORT, np.float32(1), np.float32(0.25))
+    colour = sensor.exposed(rendering.colour, weight, look.middle)
+    rgb = sensor.photographed(colour, look.blur, look.noise, look.tint, rng)
+    depth = rendering.depth
+    if sensor_name == "kinect":
+        depth = sensor.StructuredLight().measure(depth, rendering.facing, camera.intrinsics.fx, rng)
+    millimetres = np.clip(np.round(depth * 1000), 0, 65535).astype(np.uint16)
+    return View(rgb, millimetres, rendering.label.astype(np.uint8), camera)
+
+
+def _words(seed: np.random.SeedSequence) -> list[int]:
+    return [int(word) for word in seed.generate_state(4)]

@@ -1,0 +1,112 @@
+"""The embedded synthetic dataset as a source of frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from sgbd.sources.errors import DatasetNotFoundError
+from sgbd.sources.synthetic import generation
+from sgbd.sources.synthetic.recipe import Recipe
+from sgbd.sources.tod import Tod
+
+
+class Tabletop(Tod):
+    """Synthetic tabletop clutter with TOD's 25 categories, made on demand and kept in the TOD layout.
+
+    Parametric objects are dropped on a table by rigid-body physics, in a furnished room, and ray cast with lamps,
+    shadows and textures. Training and validation frames hold the 12 seen categories of TOD-Z, test frames all 25.
+
+    | split | frames (default) | categories         |
+    |-------|------------------|--------------------|
+    | train | 400              | 12 seen            |
+    | val   | 50               | 12 seen            |
+    | test  | 100              | 12 seen, 13 unseen |
+
+    The frames of every other recipe lie in another folder, `root/<name>-<digest of the recipe>`, so that a change of an
+    argument never reads stale frames. Nothing is made by reading: call `generate` first.
+
+    Args:
+        root: Folder in which the datasets' folders lie.
+        split: "train", "val" or "test".
+        train_frames: Number of training frames.
+        val_frames: Number of validation frames.
+        test_frames: Number of test frames.
+        views_per_scene: Pictures taken of each arrangement of objects.
+        objects: Least and largest number of objects on the table.
+        resolution: Width and height, pixels.
+        sensor: "clean" for exact depth, as in TOD; "kinect" for quantised depth with holes and a noisy colour camera.
+        seed: Fixes the frames, whatever the number of workers.
+        name: What the dataset's folder begins with.
+        min_objects: Frames with fewer objects are left out as near-empty; 0 keeps all.
+        min_object_pixels: An object counts for `min_objects` if it has as many visible pixels.
+
+    Raises:
+        ValueError: If a value is out of range.
+    """
+
+    def __init__(
+        self,
+        root: str | Path,
+        split: str = "train",
+        train_frames: int = 400,
+        val_frames: int = 50,
+        test_frames: int = 100,
+        views_per_scene: int = 5,
+        objects: Sequence[int] = (5, 25),
+        resolution: Sequence[int] = (640, 480),
+        sensor: str = "clean",
+        seed: int = 0,
+        name: str = "tabletop",
+        min_objects: int = 0,
+        min_object_pixels: int = 1,
+    ) -> None:
+        self.recipe = Recipe(
+            train_frames=train_frames,
+            val_frames=val_frames,
+            test_frames=test_frames,
+            views_per_scene=views_per_scene,
+            objects=(objects[0], objects[-1]) if len(objects) == 2 else tuple(objects),  # type: ignore[arg-type]
+            resolution=tuple(resolution),  # type: ignore[arg-type]
+            sensor=sensor,
+            seed=seed,
+        )
+        self.name = name
+        folder = Path(root).expanduser() / f"{name}-{self.recipe.digest()}"
+        super().__init__(folder, split, min_objects=min_objects, min_object_pixels=min_object_pixels)
+
+    @property
+    def generated(self) -> bool:
+        """Whether all frames are there."""
+        return generation.is_complete(self.root, self.recipe)
+
+    def generate(self, workers: int | None = None, progress: bool = True) -> None:
+        """Make all splits' frames that are not there yet.
+
+        It needs the packages of the extra `sgbd[synthetic]`. Killed, it continues where it stopped.
+
+        Args:
+            workers: Processes; None for one a core. It does not change the frames.
+            progress: Whether to show a progress bar.
+
+        Raises:
+            MissingExtraError: If the extra is not installed.
+            GenerationError: If a scene cannot be made or written.
+        """
+        generation.generate(self.root, self.recipe, workers, progress)
+
+    def require_generated(self) -> None:
+        """Check that all frames are there.
+
+        Raises:
+            DatasetNotFoundError: If not; the message says how to make them.
+        """
+        if not self.generated:
+            started = self.root.is_dir()
+            raise DatasetNotFoundError(
+                self.root,
+                "its generation was not finished" if started else "the synthetic frames have not been generated",
+                self.layout,
+                "Generate them with Tabletop(...).generate(), or python -m sgbd.prepare dataset=tabletop; this needs "
+                "pip install 'sgbd[synthetic]'. What is already there is not made again.",
+            )
