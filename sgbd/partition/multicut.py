@@ -7,7 +7,6 @@ One wrong edge is outvoted by the others along the same border, which is what co
 
 from __future__ import annotations
 
-import heapq
 from typing import Literal
 
 import numpy as np
@@ -112,6 +111,45 @@ def greedy_additive_edge_contraction(
 
 
 @compiled
+def _push(heap_weight: NDArray[np.float64], heap_edge: NDArray[np.int64], size: int, weight: float, edge: int) -> int:
+    """Put an edge into a binary heap with the greatest weight first, of equals the lowest edge; returns its new size.
+
+    As `heapq` does it, but on arrays: no list of tuples is built for every graph, which is a fifth of the time.
+    """
+    here = size
+    while here > 0:
+        above = (here - 1) // 2
+        if heap_weight[above] > weight or (heap_weight[above] == weight and heap_edge[above] <= edge):
+            break
+        heap_weight[here], heap_edge[here] = heap_weight[above], heap_edge[above]
+        here = above
+    heap_weight[here], heap_edge[here] = weight, edge
+    return size + 1
+
+
+@compiled
+def _pop(heap_weight: NDArray[np.float64], heap_edge: NDArray[np.int64], size: int) -> int:
+    """Take the first edge out of the heap; returns its new size."""
+    size -= 1
+    weight, edge = heap_weight[size], heap_edge[size]
+    here = 0
+    while 2 * here + 1 < size:
+        below = 2 * here + 1
+        other = below + 1
+        if other < size and (
+            heap_weight[other] > heap_weight[below]
+            or (heap_weight[other] == heap_weight[below] and heap_edge[other] < heap_edge[below])
+        ):
+            below = other
+        if weight > heap_weight[below] or (weight == heap_weight[below] and edge <= heap_edge[below]):
+            break
+        heap_weight[here], heap_edge[here] = heap_weight[below], heap_edge[below]
+        here = below
+    heap_weight[here], heap_edge[here] = weight, edge
+    return size
+
+
+@compiled
 def _contract(
     num_nodes: int, first: NDArray[np.int64], second: NDArray[np.int64], weight: NDArray[np.float64]
 ) -> NDArray[np.int64]:
@@ -136,13 +174,19 @@ def _contract(
         tail[node] = half
         degree[node] += 1
 
-    # The heap may hold outdated weights of an edge; they are recognised when they come up.
-    heap = [(-weight[edge], edge) for edge in range(num_edges) if weight[edge] > 0]
-    heapq.heapify(heap)
+    # The heap may hold outdated weights of an edge; they are recognised when they come up. An edge enters it once for
+    # itself and once for each edge that it absorbs.
+    heap_weight = np.empty(2 * num_edges, dtype=np.float64)
+    heap_edge = np.empty(2 * num_edges, dtype=np.int64)
+    size = 0
+    for edge in range(num_edges):
+        if weight[edge] > 0:
+            size = _push(heap_weight, heap_edge, size, weight[edge], edge)
     edge_to = np.full(num_nodes, -1, dtype=np.int64)  # the kept node's edge to each of its neighbours
-    while len(heap) > 0:
-        cost, contracted = heapq.heappop(heap)
-        if not alive[contracted] or weight[contracted] != -cost:
+    while size > 0:
+        greatest, contracted = heap_weight[0], heap_edge[0]
+        size = _pop(heap_weight, heap_edge, size)
+        if not alive[contracted] or weight[contracted] != greatest:
             continue
         kept, gone = end[2 * contracted], end[2 * contracted + 1]
         if degree[kept] < degree[gone]:
@@ -176,7 +220,7 @@ def _contract(
                     weight[parallel] += weight[edge]
                     alive[edge] = False
                     if weight[parallel] > 0:
-                        heapq.heappush(heap, (-weight[parallel], parallel))
+                        size = _push(heap_weight, heap_edge, size, weight[parallel], parallel)
                 else:
                     end[half] = kept
                     degree[kept] += 1
