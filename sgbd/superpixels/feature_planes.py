@@ -44,7 +44,7 @@ def gaussian_weights(sigma: float) -> npt.NDArray[np.float32]:
 
 
 @compiled
-def write_lab(rgb, intensities, to_xyz, scale, planes, first, last):  # type: ignore[no-untyped-def]
+def write_lab(rgb, intensities, to_xyz, scale, scratch, planes, first, last):  # type: ignore[no-untyped-def]
     """Convert a band of rows to Lab.
 
     Args:
@@ -52,21 +52,20 @@ def write_lab(rgb, intensities, to_xyz, scale, planes, first, last):  # type: ig
         intensities: float32 [256], from `linear_intensities`.
         to_xyz: float32 [3, 3], `TO_XYZ`.
         scale: float32, what L, a and b are multiplied by.
+        scratch: float32 [4, W] to work in.
         planes: float32 [3, H, W], written in the rows `first` to `last` - 1.
         first: First row of the band.
         last: Row after the band.
     """
     width = rgb.shape[1]
-    linear = np.empty((3, width), np.float32)
-    tristimulus = np.empty(width, np.float32)
+    red, green, blue, tristimulus = scratch[0], scratch[1], scratch[2], scratch[3]
     bits = tristimulus.view(np.int32)
     third, toe = np.float32(1 / 3), np.float32(0.008856)
     for row in range(first, last):
         for column in range(width):
-            linear[0, column] = intensities[rgb[row, column, 0]]
-            linear[1, column] = intensities[rgb[row, column, 1]]
-            linear[2, column] = intensities[rgb[row, column, 2]]
-        red, green, blue = linear[0], linear[1], linear[2]
+            red[column] = intensities[rgb[row, column, 0]]
+            green[column] = intensities[rgb[row, column, 1]]
+            blue[column] = intensities[rgb[row, column, 2]]
         for axis in range(3):
             from_red, from_green, from_blue = to_xyz[axis, 0], to_xyz[axis, 1], to_xyz[axis, 2]
             for k in range(width):
@@ -91,7 +90,7 @@ def write_lab(rgb, intensities, to_xyz, scale, planes, first, last):  # type: ig
 
 
 @compiled
-def write_depth(depth, percentile, scale, planes):  # type: ignore[no-untyped-def]
+def write_depth(depth, percentile, scale, histogram, planes):  # type: ignore[no-untyped-def]
     """Clip depth at a percentile and stretch it to [0, 1] over its valid pixels.
 
     The percentile is taken to the millimetre, from a histogram, which needs no sorting.
@@ -100,48 +99,50 @@ def write_depth(depth, percentile, scale, planes):  # type: ignore[no-untyped-de
         depth: float32 [H, W], metres, 0 = missing.
         percentile: Percentile of the valid pixels, 0 to 100.
         scale: float32, what the stretched depth z is multiplied by.
+        histogram: int32 [FARTHEST + 1] of zeros to work in.
         planes: float32 [3, H, W], written: w z, w and 0, where w is 1 for valid pixels and 0 for missing ones.
     """
     height, width = depth.shape
-    histogram = np.zeros(FARTHEST + 1, np.int64)
-    nearest = np.float32(np.inf)
+    nearest, farthest = np.float32(np.inf), np.float32(FARTHEST * 0.001)
     for row in range(height):
         for column in range(width):
             metres = depth[row, column]
-            histogram[int(min(metres * np.float32(1000) + np.float32(0.5), np.float32(FARTHEST)))] += 1
-            if metres > 0:
-                nearest = min(nearest, metres)
+            millimetres = int(metres * np.float32(1000) + np.float32(0.5)) if metres < farthest else FARTHEST
+            histogram[millimetres] += 1
+            if 0 < metres < nearest:
+                nearest = metres
     # Bin 0 holds the missing pixels, and any so near that they would be missing in a 16-bit image.
     rank = percentile / 100 * (height * width - histogram[0])
     passed, millimetres = 0, 0
     while passed < rank:
         millimetres += 1
         passed += histogram[millimetres]
-    ceiling = max(np.float32(millimetres * 0.001), nearest)
+    ceiling = np.float32(millimetres * 0.001)
     stretch = scale / (ceiling - nearest) if ceiling > nearest else np.float32(0)
     for row in range(height):
         for column in range(width):
             metres = depth[row, column]
             valid = np.float32(1) if metres > 0 else np.float32(0)
-            planes[0, row, column] = valid * (min(metres, ceiling) - nearest) * stretch
+            clipped = metres if metres < ceiling else ceiling
+            planes[0, row, column] = valid * (clipped - nearest) * stretch
             planes[1, row, column] = valid
             planes[2, row, column] = np.float32(0)
 
 
 @compiled
-def smooth(planes, weights, smoothed, first, last):  # type: ignore[no-untyped-def]
+def smooth(planes, weights, padded, smoothed, first, last):  # type: ignore[no-untyped-def]
     """Smooth a band of rows with a Gaussian; the image continues as its own mirror image.
 
     Args:
         planes: float32 [3, H, W].
         weights: float32 [radius + 1], from `gaussian_weights`.
+        padded: float32 [W + 2 radius] to work in.
         smoothed: float32 [3, H, W], written in the rows `first` to `last` - 1.
         first: First row of the band.
         last: Row after the band.
     """
     count, height, width = planes.shape
     radius = len(weights) - 1
-    padded = np.empty(width + 2 * radius, np.float32)
     line = padded[radius : radius + width]
     for row in range(first, last):
         for plane in range(count):

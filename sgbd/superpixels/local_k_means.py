@@ -17,6 +17,7 @@ DOI 10.1109/TPAMI.2012.120.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -26,19 +27,20 @@ from sgbd.compiled import compiled
 Planes = npt.NDArray[np.float32]
 """float32 [3, H, W]. Colours: L, a, b. Depth: w z, w and 0, where w is 1 for valid pixels and 0 for missing ones."""
 
-# Columns of a centre: its position (samples) and the three features of its planes.
-ROW, COLUMN, FEATURE = 0, 1, 2
-CENTRE = 5
+# What a pixel is compared by, and what a centre is: three features, and the position in pixels.
+ROW, COLUMN, CENTRE = 3, 4, 5
 
-# Columns of a form: the coefficients of 1, of the position and of the three planes.
-CONSTANT, BY_ROW, BY_COLUMN, BY_PLANE = 0, 1, 2, 3
-FORM = 6
+# The coefficients of a form: of the three features and the position, in the same order, and of 1.
+CONSTANT, FORM = 5, 6
+
+BATCH = 256
+"""Pixels that are compared with their nine centres at a time: what stays in the fastest cache."""
 
 FAR = np.float32(1e4)
 """Squared distance of a valid pixel to a centre that knows no depth: farther than any centre that does."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Cells:
     """The grid of cells on which the centres start.
 
@@ -46,13 +48,16 @@ class Cells:
         tops: int64 [rows + 1], first image row of each row of cells, then the image height.
         lefts: int64 [columns + 1], first image column of each column of cells, then the image width.
         step: Side of a square of a cell's area, pixels: the unit of distances in the image.
+        near: int32 [cells, 9], the cells around each and itself. At the rim of the grid some come twice.
     """
 
     tops: npt.NDArray[np.int64]
     lefts: npt.NDArray[np.int64]
     step: float
+    near: npt.NDArray[np.int32]
 
     @classmethod
+    @lru_cache(maxsize=16)
     def grid(cls, height: int, width: int, n_segments: int) -> Cells:
         """Cut an image into about `n_segments` cells, as square as can be; at the most one a pixel.
 
@@ -68,10 +73,53 @@ class Cells:
         columns = int(np.clip(round(n_segments / rows), 1, width))
         tops = np.arange(rows + 1, dtype=np.int64) * height // rows
         lefts = np.arange(columns + 1, dtype=np.int64) * width // columns
-        return cls(tops, lefts, float((height * width / (rows * columns)) ** 0.5))
+        around = np.arange(-1, 2)
+        near_rows = np.clip(np.arange(rows)[:, None] + around, 0, rows - 1)
+        near_columns = np.clip(np.arange(columns)[:, None] + around, 0, columns - 1)
+        near = near_rows[:, None, :, None] * columns + near_columns[None, :, None, :]
+        step = float((height * width / (rows * columns)) ** 0.5)
+        return cls(tops, lefts, step, near.reshape(rows * columns, 9).astype(np.int32))
 
     def __len__(self) -> int:
-        return (len(self.tops) - 1) * (len(self.lefts) - 1)
+        return len(self.near)
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """The pixels on which the centres are found, cell after cell.
+
+    Attributes:
+        pixels: int64 [M], indices into the flattened image.
+        offsets: int64 [cells + 1], where the samples of each cell begin, then M.
+        positions: float32 [2, M], row and column, pixels.
+    """
+
+    pixels: npt.NDArray[np.int64]
+    offsets: npt.NDArray[np.int64]
+    positions: npt.NDArray[np.float32]
+
+    @classmethod
+    @lru_cache(maxsize=16)
+    def of(cls, cells: Cells, subsample: int) -> Samples:
+        """Take every so many rows and columns of an image.
+
+        Args:
+            cells: The cells of the image.
+            subsample: Distance between samples, pixels. Small cells are sampled more densely, or their means would be
+                of a handful of pixels.
+
+        Returns:
+            The samples.
+        """
+        stride = int(max(1, min(subsample, cells.step // 5)))
+        rows, columns = np.arange(0, cells.tops[-1], stride), np.arange(0, cells.lefts[-1], stride)
+        cell_rows = np.searchsorted(cells.tops, rows, side="right") - 1
+        cell_columns = np.searchsorted(cells.lefts, columns, side="right") - 1
+        cell = (cell_rows[:, None] * (len(cells.lefts) - 1) + cell_columns).ravel()
+        order = np.argsort(cell, kind="stable")
+        row, column = rows[order // len(columns)], columns[order % len(columns)]
+        offsets = np.searchsorted(cell[order], np.arange(len(cells) + 1))
+        return cls(row * cells.lefts[-1] + column, offsets, np.stack([row, column]).astype(np.float32))
 
 
 def cluster(planes: Planes, cells: Cells, weighted: bool, iterations: int, subsample: int) -> npt.NDArray[np.float32]:
@@ -83,54 +131,53 @@ def cluster(planes: Planes, cells: Cells, weighted: bool, iterations: int, subsa
         weighted: Whether the planes are those of depth, with a weight, rather than those of colour.
         iterations: Rounds of assignment and update. With 0 every centre is the mean of its cell.
         subsample: Only every so many rows and columns are looked at. The centres hardly change, and the time falls
-            with the square. Small cells are sampled more densely, or their means would be of a handful of pixels.
+            with the square.
 
     Returns:
-        float32 [len(cells), 6], the *forms* of the centres, for `assign`.
+        float32 [cells, 6], the *forms* of the centres, for `assign`.
     """
-    stride = int(max(1, min(subsample, cells.step // 5)))
-    samples = np.ascontiguousarray(planes[:, ::stride, ::stride])
-    # The samples of a cell are the multiples of the stride in it.
-    tops, lefts = -(-cells.tops // stride), -(-cells.lefts // stride)
-    centres = _cluster(samples, tops, lefts, np.float32(cells.step / stride), weighted, iterations)
-    centres[:, :FEATURE] *= stride
-    return _forms(centres, np.float32(cells.step), weighted)
+    samples = Samples.of(cells, subsample)
+    values = np.concatenate([planes.reshape(3, -1)[:, samples.pixels], samples.positions])
+    # A centre without features stays where it started. That its second plane is 0 tells _expand that it knows no depth.
+    centres = np.zeros((len(cells), CENTRE), np.float32)
+    centres[:, ROW] = np.repeat((cells.tops[:-1] + cells.tops[1:] - 1) / 2, len(cells.lefts) - 1)
+    centres[:, COLUMN] = np.tile((cells.lefts[:-1] + cells.lefts[1:] - 1) / 2, len(cells.tops) - 1)
+    forms = np.empty((len(cells), FORM), np.float32)
+    labels = np.repeat(np.arange(len(cells), dtype=np.int32), np.diff(samples.offsets))
+    sums = np.empty((len(cells), CENTRE + 1))
+    distances = np.empty((9, max(1, int(np.diff(samples.offsets).max()))), np.float32)
+    scale = np.float32(1 / cells.step**2)
+    _cluster(values, samples.offsets, cells.near, scale, weighted, iterations, labels, sums, distances, centres, forms)
+    return forms
 
 
 @compiled
-def _cluster(samples, tops, lefts, step, weighted, iterations):  # type: ignore[no-untyped-def]
-    rows, columns = len(tops) - 1, len(lefts) - 1
-    height, width = samples.shape[1:]
-    labels = np.empty((height, width), np.int32)
-    centres = np.zeros((rows * columns, CENTRE), np.float32)
-    for i in range(rows):
-        for j in range(columns):
-            labels[tops[i] : tops[i + 1], lefts[j] : lefts[j + 1]] = i * columns + j
-            centres[i * columns + j, ROW] = np.float32(0.5) * np.float32(tops[i] + tops[i + 1] - 1)
-            centres[i * columns + j, COLUMN] = np.float32(0.5) * np.float32(lefts[j] + lefts[j + 1] - 1)
-    # A centre that knows no depth has weight 0 in its second plane, see _forms.
-    _update(samples, labels, weighted, centres)
+def _cluster(  # type: ignore[no-untyped-def]
+    values, offsets, near, scale, weighted, iterations, labels, sums, distances, centres, forms
+):
+    _update(values, labels, weighted, sums, centres)
+    _expand(centres, scale, weighted, forms)
     for _ in range(iterations):
-        assign(samples, tops, lefts, _forms(centres, step, weighted), labels, 0, height)
-        _update(samples, labels, weighted, centres)
-    return centres
+        for cell in range(len(near)):
+            first, last = offsets[cell], offsets[cell + 1]
+            _nearest_of_nine(values, first, near[cell], forms, distances, labels[first:last])
+        _update(values, labels, weighted, sums, centres)
+        _expand(centres, scale, weighted, forms)
 
 
 @compiled
-def _update(samples, labels, weighted, centres):  # type: ignore[no-untyped-def]
+def _update(values, labels, weighted, sums, centres):  # type: ignore[no-untyped-def]
     """Move every centre to the mean of its samples that have features; one without any stays."""
-    sums = np.zeros((len(centres), CENTRE + 1))
-    height, width = labels.shape
-    for row in range(height):
-        for column in range(width):
-            if weighted and samples[1, row, column] == 0:
-                continue
-            total = sums[labels[row, column]]
-            total[ROW] += row
-            total[COLUMN] += column
-            for k in range(3):
-                total[FEATURE + k] += samples[k, row, column]
-            total[CENTRE] += 1
+    for centre in range(len(centres)):
+        for k in range(CENTRE + 1):
+            sums[centre, k] = 0.0
+    for sample in range(len(labels)):
+        if weighted and values[1, sample] == 0:
+            continue
+        total = sums[labels[sample]]
+        for k in range(CENTRE):
+            total[k] += values[k, sample]
+        total[CENTRE] += 1
     for centre in range(len(centres)):
         if sums[centre, CENTRE] > 0:
             for k in range(CENTRE):
@@ -138,92 +185,113 @@ def _update(samples, labels, weighted, centres):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _forms(centres, step, weighted):  # type: ignore[no-untyped-def]
+def _expand(centres, scale, weighted, forms):  # type: ignore[no-untyped-def]
     """Expand the squared distance to each centre into its coefficients, without what depends on the pixel alone."""
-    forms = np.zeros((len(centres), FORM), np.float32)
-    unit = np.float32(1) / (step * step)
     for centre in range(len(centres)):
         row, column = centres[centre, ROW], centres[centre, COLUMN]
-        first, second, third = centres[centre, FEATURE], centres[centre, FEATURE + 1], centres[centre, FEATURE + 2]
+        first, second, third = centres[centre, 0], centres[centre, 1], centres[centre, 2]
         form = forms[centre]
-        form[CONSTANT] = (row * row + column * column) * unit
-        form[BY_ROW] = np.float32(-2) * row * unit
-        form[BY_COLUMN] = np.float32(-2) * column * unit
+        form[ROW], form[COLUMN] = np.float32(-2) * row * scale, np.float32(-2) * column * scale
+        form[CONSTANT] = (row * row + column * column) * scale
+        form[0] = np.float32(-2) * first
         if weighted:
-            # w (z - z_c)^2 = w z^2 - 2 z_c (w z) + z_c^2 w. The mean weight of a centre's valid samples is 1, of a
-            # centre that never had one 0.
-            form[BY_PLANE] = np.float32(-2) * first
-            form[BY_PLANE + 1] = first * first if second > 0 else FAR
+            # w (z - z_c)^2 = w z^2 - 2 z_c (w z) + z_c^2 w. The mean weight of a centre's samples is 1, as only valid
+            # ones count; it is 0 in a centre that never had one.
+            form[1] = first * first if second > 0 else FAR
+            form[2] = np.float32(0)
         else:
+            form[1], form[2] = np.float32(-2) * second, np.float32(-2) * third
             form[CONSTANT] += first * first + second * second + third * third
-            form[BY_PLANE] = np.float32(-2) * first
-            form[BY_PLANE + 1] = np.float32(-2) * second
-            form[BY_PLANE + 2] = np.float32(-2) * third
-    return forms
+
+
+def work_space(cells: Cells) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.int32]]:
+    """Allocate what one thread needs in `assign`.
+
+    Args:
+        cells: The cells of the image.
+
+    Returns:
+        For a batch of pixels of one cell, of at least one row of the widest, what they are compared by, float32 [5, B],
+        their distances, float32 [9, B], and what they are labelled, int32 [B].
+    """
+    batch = max(BATCH, int(np.diff(cells.lefts).max()))
+    return np.empty((CENTRE, batch), np.float32), np.empty((9, batch), np.float32), np.empty(batch, np.int32)
 
 
 @compiled
-def assign(planes, tops, lefts, forms, labels, first, last):  # type: ignore[no-untyped-def]
+def assign(planes, tops, lefts, near, forms, values, distances, found, labels, first, last):  # type: ignore[no-untyped-def]
     """Give every pixel of a band of rows the nearest of the nine centres around it.
 
     Args:
         planes: float32 [3, H, W], what pixels are compared by.
-        tops: int64 [rows + 1], see `Cells`.
-        lefts: int64 [columns + 1], see `Cells`.
-        forms: float32 [rows * columns, 6], the centres, from `cluster`.
+        tops: int64 [rows + 1], see `Cells`, as the following two.
+        lefts: int64 [columns + 1].
+        near: int32 [cells, 9].
+        forms: float32 [cells, 6], the centres, from `cluster`.
+        values: float32 [5, B], from `work_space`.
+        distances: float32 [9, B], from `work_space`.
+        found: int32 [B], from `work_space`.
         labels: int32 [H, W], written in the rows `first` to `last` - 1: the index of the nearest centre.
         first: First row of the band.
         last: Row after the band.
     """
-    rows, columns = len(tops) - 1, len(lefts) - 1
-    width = labels.shape[1]
-    position = np.arange(width).astype(np.float32)
-    distances = np.empty((9, width), np.float32)
-    candidates = np.empty(9, np.int32)
-    for i in range(rows):
-        for row in range(max(first, tops[i]), min(last, tops[i + 1])):
-            for j in range(columns):
-                left, right = lefts[j], lefts[j + 1]
-                x = position[left:right]
-                p, q, r = planes[0, row, left:right], planes[1, row, left:right], planes[2, row, left:right]
-                for near in range(9):
-                    # At the rim of the grid some candidates come twice, which changes nothing.
-                    near_row = min(max(i + near // 3 - 1, 0), rows - 1)
-                    near_column = min(max(j + near % 3 - 1, 0), columns - 1)
-                    candidate = near_row * columns + near_column
-                    candidates[near] = candidate
-                    form = forms[candidate]
-                    here = form[CONSTANT] + form[BY_ROW] * np.float32(row)
-                    by_x, by_p, by_q, by_r = form[BY_COLUMN], form[BY_PLANE], form[BY_PLANE + 1], form[BY_PLANE + 2]
-                    distance = distances[near]
-                    for k in range(right - left):
-                        distance[k] = here + by_x * x[k] + by_p * p[k] + by_q * q[k] + by_r * r[k]
-                _nearest_of_nine(distances, candidates, labels[row, left:right])
+    columns = len(lefts) - 1
+    for cell in range(len(near)):
+        i, j = cell // columns, cell % columns
+        top = tops[i] if tops[i] > first else first
+        bottom = tops[i + 1] if tops[i + 1] < last else last
+        left, width = lefts[j], lefts[j + 1] - lefts[j]
+        # As many rows of the cell at a time as fit: one long loop over them costs less than one for each.
+        batch = values.shape[1] // width
+        for start in range(top, bottom, batch):
+            rows = batch if batch < bottom - start else bottom - start
+            for k in range(rows):
+                begin, end = k * width, (k + 1) * width
+                p, q, r = values[0, begin:end], values[1, begin:end], values[2, begin:end]
+                y, x = values[ROW, begin:end], values[COLUMN, begin:end]
+                row = start + k
+                p_here, q_here, r_here = planes[0, row, left:], planes[1, row, left:], planes[2, row, left:]
+                for column in range(width):
+                    p[column], q[column], r[column] = p_here[column], q_here[column], r_here[column]
+                    y[column] = row
+                    x[column] = left + column
+            _nearest_of_nine(values, tops[0], near[cell], forms, distances, found[: rows * width])
+            for k in range(rows):
+                target, source = labels[start + k, left : left + width], found[k * width : (k + 1) * width]
+                for column in range(width):
+                    target[column] = source[column]
 
 
 @compiled
-def _nearest_of_nine(distances, candidates, labels):  # type: ignore[no-untyped-def]
-    # Written out, not looped, because only then is the loop over pixels turned into vector instructions.
-    d0, d1, d2, d3, d4, d5, d6, d7, d8 = (
-        distances[0], distances[1], distances[2], distances[3], distances[4],
-        distances[5], distances[6], distances[7], distances[8],
-    )  # fmt: skip
-    c0, c1, c2, c3, c4, c5, c6, c7, c8 = (
-        candidates[0], candidates[1], candidates[2], candidates[3], candidates[4],
-        candidates[5], candidates[6], candidates[7], candidates[8],
-    )  # fmt: skip
-    for k in range(len(labels)):
-        best, label = _nearer(d0[k], c0, d1[k], c1)
-        best, label = _nearer(best, label, d2[k], c2)
-        best, label = _nearer(best, label, d3[k], c3)
-        best, label = _nearer(best, label, d4[k], c4)
-        best, label = _nearer(best, label, d5[k], c5)
-        best, label = _nearer(best, label, d6[k], c6)
-        best, label = _nearer(best, label, d7[k], c7)
-        best, label = _nearer(best, label, d8[k], c8)
+def _nearest_of_nine(values, begin, near, forms, distances, labels):  # type: ignore[no-untyped-def]
+    """Give as many pixels as there are `labels`, from `begin` on in `values`, the nearest of nine centres."""
+    count = len(labels)
+    p, q, r = values[0, begin : begin + count], values[1, begin : begin + count], values[2, begin : begin + count]
+    y, x = values[ROW, begin : begin + count], values[COLUMN, begin : begin + count]
+    for candidate in range(9):
+        form = forms[near[candidate]]
+        by_p, by_q, by_r, by_y, by_x, constant = form[0], form[1], form[2], form[ROW], form[COLUMN], form[CONSTANT]
+        distance = distances[candidate]
+        for k in range(count):
+            distance[k] = constant + by_y * y[k] + by_x * x[k] + by_p * p[k] + by_q * q[k] + by_r * r[k]
+    # Nine times the same: only when it is written out do compilers make vector instructions of it.
+    c0, d0 = near[0], distances[0]
+    c1, d1 = near[1], distances[1]
+    c2, d2 = near[2], distances[2]
+    c3, d3 = near[3], distances[3]
+    c4, d4 = near[4], distances[4]
+    c5, d5 = near[5], distances[5]
+    c6, d6 = near[6], distances[6]
+    c7, d7 = near[7], distances[7]
+    c8, d8 = near[8], distances[8]
+    for k in range(count):
+        best, label = d0[k], c0
+        best, label = (d1[k], c1) if d1[k] < best else (best, label)
+        best, label = (d2[k], c2) if d2[k] < best else (best, label)
+        best, label = (d3[k], c3) if d3[k] < best else (best, label)
+        best, label = (d4[k], c4) if d4[k] < best else (best, label)
+        best, label = (d5[k], c5) if d5[k] < best else (best, label)
+        best, label = (d6[k], c6) if d6[k] < best else (best, label)
+        best, label = (d7[k], c7) if d7[k] < best else (best, label)
+        best, label = (d8[k], c8) if d8[k] < best else (best, label)
         labels[k] = label
-
-
-@compiled
-def _nearer(distance, label, other_distance, other_label):  # type: ignore[no-untyped-def]
-    return (other_distance, other_label) if other_distance < distance else (distance, label)

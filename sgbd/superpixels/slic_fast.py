@@ -16,6 +16,7 @@ from sgbd.adjacency import LabelMap
 from sgbd.compiled import HAS_NUMBA
 from sgbd.frame import Frame
 from sgbd.superpixels.feature_planes import (
+    FARTHEST,
     TO_XYZ,
     gaussian_weights,
     linear_intensities,
@@ -25,7 +26,7 @@ from sgbd.superpixels.feature_planes import (
     write_lab,
 )
 from sgbd.superpixels.fragments import connected_superpixels
-from sgbd.superpixels.local_k_means import Cells, Planes, assign, cluster
+from sgbd.superpixels.local_k_means import Cells, Planes, assign, cluster, work_space
 from sgbd.superpixels.slic import DEPTH_PERCENTILE, Slic
 
 logger = logging.getLogger(__name__)
@@ -129,9 +130,9 @@ class FastSlic(Slic):
         labels = [np.empty((height, width), np.int32) for _ in images]
         run(
             [
-                partial(assign, planes, cells.tops, cells.lefts, form, label, first, last)
+                partial(assign, planes, cells.tops, cells.lefts, cells.near, form, *work_space(cells), label, *band)
                 for (planes, _), form, label in zip(images, forms, labels, strict=True)
-                for first, last in self._bands(height)
+                for band in self._bands(height)
             ]
         )
         return connected_superpixels(labels[0], labels[-1], self.min_size)
@@ -145,12 +146,19 @@ class FastSlic(Slic):
             lab = np.empty(shape, np.float32)
             images.append((lab, False))
             intensities, scale = linear_intensities(frame.rgb), np.float32(1 / self.rgb_compactness)
-            jobs += [partial(write_lab, frame.rgb, intensities, TO_XYZ, scale, lab, *band) for band in bands]
+            jobs += [
+                partial(
+                    write_lab, frame.rgb, intensities, TO_XYZ, scale, np.empty((4, frame.width), np.float32), lab, *band
+                )
+                for band in bands
+            ]
         if self.depth:
             depth = np.empty(shape, np.float32)
             images.append((depth, True))
             scale = np.float32(1 / self.depth_compactness)
-            jobs.append(partial(write_depth, frame.depth, DEPTH_PERCENTILE, scale, depth))
+            jobs.append(
+                partial(write_depth, frame.depth, DEPTH_PERCENTILE, scale, np.zeros(FARTHEST + 1, np.int32), depth)
+            )
         run(jobs)
         return [(self._smoothed(planes, weighted, run), weighted) for planes, weighted in images]
 
@@ -159,7 +167,13 @@ class FastSlic(Slic):
         if len(weights) == 1:
             return planes
         smoothed = np.empty_like(planes)
-        run([partial(smooth, planes, weights, smoothed, *band) for band in self._bands(planes.shape[1])])
+        padded = planes.shape[2] + 2 * (len(weights) - 1)
+        run(
+            [
+                partial(smooth, planes, weights, np.empty(padded, np.float32), smoothed, *band)
+                for band in self._bands(planes.shape[1])
+            ]
+        )
         return unweighted(smoothed, planes) if weighted else smoothed
 
     def _bands(self, height: int) -> list[tuple[int, int]]:
