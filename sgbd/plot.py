@@ -32,7 +32,7 @@ def segmentation_figure(
     Returns:
         A figure of six panels: colours, depth, superpixels, edges coloured by merge probability, prediction, truth.
     """
-    figure = Figure(figsize=(13.5, 7.4 * frame.height / frame.width / 0.75 + 0.3), layout="constrained")
+    figure = Figure(figsize=(13.5, 8.2 * frame.height / frame.width + 1), layout="constrained")
     FigureCanvasAgg(figure)
     panels = figure.subplots(2, 3).ravel()
     panels[0].imshow(frame.rgb)

@@ -6,9 +6,15 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 # One test process a core: more threads only fight each other.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+
+# The first example of a test may compile a loop, and machines are noisy: no test is about time.
+settings.register_profile("sgbd", deadline=None)
+settings.load_profile("sgbd")
 
 
 @pytest.fixture(scope="session")
