@@ -1,0 +1,93 @@
+import json
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+
+from sgbd.frame import Frame, FrameError
+from sgbd.prediction import RecordedFrames, objects_as_json, write_segmentation
+from sgbd.segmentation import Segmentation
+from sgbd.sources import FrameReadError
+from tests.scenes import scene
+
+
+def _write(frame: Frame, rgb: Path, depth: Path) -> None:
+    for path, image in ((rgb, frame.rgb), (depth, (frame.depth * 1000).round().astype(np.uint16))):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        iio.imwrite(path, image)
+
+
+def _segmentation() -> Segmentation:
+    instances = np.zeros((6, 8), np.int32)
+    instances[1:4, 2:7] = 1
+    instances[4, 0] = 2
+    return Segmentation(
+        instances=instances,
+        scores=np.array([0.9, 0.25], np.float32),
+        objectness=np.array([0.95, 0.5], np.float32),
+        superpixels=instances.copy(),
+        edge_index=np.array([[0, 0], [1, 2]]),
+        edge_probability=np.array([0.1, 0.2], np.float32),
+    )
+
+
+def test_two_files_are_one_frame(tmp_path: Path) -> None:
+    _write(scene(0), tmp_path / "a_color.png", tmp_path / "b.png")
+    frames = RecordedFrames(tmp_path / "a_color.png", tmp_path / "b.png")
+    assert frames.names == ("a",)
+    assert (frames[0].rgb == scene(0).rgb).all()
+    assert frames[0].depth == pytest.approx(scene(0).depth, abs=6e-4)
+    assert frames[0].name == "a"
+
+
+def test_two_folders_are_paired_by_name(tmp_path: Path) -> None:
+    for number in range(3):
+        _write(scene(number), tmp_path / f"rgb/{number:02}_rgb.png", tmp_path / f"depth/{number:02}_depth.png")
+    (tmp_path / "depth/01_depth.png").unlink()
+    frames = RecordedFrames(tmp_path / "rgb", tmp_path / "depth")
+    assert frames.names == ("00", "01", "02")
+    assert (frames[2].rgb == scene(2).rgb).all()
+    with pytest.raises(FrameReadError, match=r"01\.png"):
+        frames[1]
+
+
+def test_one_folder_of_pairs(tmp_path: Path) -> None:
+    _write(scene(1), tmp_path / "x_rgb.png", tmp_path / "x_depth.png")
+    frames = RecordedFrames(tmp_path)
+    assert frames.names == ("x",)
+    assert frames[0].depth == pytest.approx(scene(1).depth, abs=6e-4)
+
+
+def test_what_is_no_frame_is_refused(tmp_path: Path) -> None:
+    _write(scene(0), tmp_path / "a.png", tmp_path / "b.png")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(FrameReadError, match="does not exist"):
+        RecordedFrames(tmp_path / "nowhere.png", tmp_path / "b.png")
+    with pytest.raises(FrameReadError, match="its depth is not known"):
+        RecordedFrames(tmp_path / "a.png")
+    with pytest.raises(FrameReadError, match="must both be files or both be folders"):
+        RecordedFrames(tmp_path / "a.png", tmp_path)
+    with pytest.raises(FrameReadError, match="there is no image in it"):
+        RecordedFrames(tmp_path / "empty", tmp_path)
+    with pytest.raises(FrameError, match="has 3 channels"):
+        RecordedFrames(tmp_path / "a.png", tmp_path / "a.png")[0]
+
+
+def test_objects_are_described_by_box_area_and_score() -> None:
+    assert objects_as_json(_segmentation()) == [
+        {"id": 1, "area": 15, "box": [2, 1, 5, 3], "score": 0.9, "objectness": 0.95},
+        {"id": 2, "area": 1, "box": [0, 4, 1, 1], "score": 0.25, "objectness": 0.5},
+    ]
+
+
+def test_three_files_are_written(tmp_path: Path) -> None:
+    frame = Frame(np.full((6, 8, 3), 90, np.uint8), np.ones((6, 8), np.float32), name="set/one")
+    write_segmentation(frame, _segmentation(), tmp_path / "out")
+    labels = iio.imread(tmp_path / "out/set_one_labels.png")
+    assert labels.dtype == np.uint16
+    assert (labels == _segmentation().instances).all()
+    assert iio.imread(tmp_path / "out/set_one_overlay.png").shape == (6, 8, 3)
+    description = json.loads((tmp_path / "out/set_one.json").read_text())
+    assert (description["name"], description["width"], description["height"]) == ("set/one", 8, 6)
+    assert description["objects"] == objects_as_json(_segmentation())
