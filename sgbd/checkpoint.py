@@ -18,7 +18,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import safetensors
 import safetensors.torch
@@ -202,12 +202,11 @@ def instantiate(config: Any, kind: type[Kind], trust: Sequence[str] = ()) -> Kin
     if partial:
         return functools.partial(target, **arguments)  # type: ignore[return-value]
     try:
-        made: Kind = target(**arguments)
+        return cast(Kind, target(**arguments))
     except (TypeError, ValueError) as error:
         raise CheckpointError(
             f"{name} cannot be made with the recipe's arguments ({error}); the checkpoint may be of another version"
         ) from error
-    return made
 
 
 def _values(value: Any, trust: Sequence[str]) -> Any:

@@ -1,0 +1,385 @@
+"""The training loop: that it learns, repeats itself, survives being killed, and says what is wrong."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+import torch
+from hydra.utils import instantiate
+from lightning_fabric.loggers import CSVLogger, TensorBoardLogger
+from omegaconf import OmegaConf
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from torch import Generator
+from torch_geometric.data import Data
+
+from sgbd.checkpoint import Checkpoint, CheckpointError
+from sgbd.models import EdgeClassifier, GatedGCN, ObjectnessHead, SharedMLP
+from sgbd.sampling import BalancedEdgeSampler
+from sgbd.training import Trainer, TrainingError, TrainingResult, survey_graphs
+from tests.graph_samples import grid_graph, path_graph
+
+CONF = Path(__file__).parents[1] / "conf"
+MLP = {"_target_": "sgbd.models.SharedMLP", "node_channels": 3, "edge_channels": 2, "hidden_channels": [16, 16]}
+HEAD = {"_target_": "sgbd.models.ObjectnessHead", "node_channels": 3, "dropout": 0.2}
+RECIPE: dict[str, Any] = {"model": MLP, "objectness": HEAD, "features": {"node": ["rgb"], "edge": None}}
+
+GRAPHS = [grid_graph(4, 8, seed=seed) for seed in range(10)]
+SCHEDULER = functools.partial(torch.optim.lr_scheduler.StepLR, step_size=1, gamma=0.5)
+
+
+class Killed(BaseException):
+    """Stands for the end of the process: nothing in the package may catch it."""
+
+
+def accuracy(model: EdgeClassifier, objectness: ObjectnessHead | None) -> Mapping[str, float]:
+    """Shares of right edges and nodes on graphs that were not trained on."""
+    assert not model.training
+    graphs = [grid_graph(4, 8, seed=seed) for seed in range(50, 54)]
+    right = torch.cat([(model(graph) > 0) == graph.edge_label.bool() for graph in graphs]).float().mean()
+    return {"overlap_f": float(right), "other": 1.0}
+
+
+def scripted(scores: list[float]) -> Callable[..., Mapping[str, float]]:
+    """A validation that gives these scores, one an epoch."""
+    given: Iterator[float] = iter(scores)
+    return lambda model, objectness: {"overlap_f": next(given)}
+
+
+class KillingSampler(BalancedEdgeSampler):
+    """Ends the process at a step."""
+
+    def __init__(self, step: int, error: type[BaseException] = Killed) -> None:
+        super().__init__(16)
+        self.step, self.error = step, error
+
+    def __repr__(self) -> str:
+        return repr(BalancedEdgeSampler(16))
+
+    def __call__(self, batch: Data, generator: Generator) -> Data:
+        self.step -= 1
+        if self.step < 0:
+            raise self.error
+        return super().__call__(batch, generator)
+
+
+def modules() -> tuple[SharedMLP, ObjectnessHead]:
+    torch.manual_seed(0)
+    return SharedMLP(3, 2, hidden_channels=[16, 16], dropout=0.1), ObjectnessHead(3, dropout=0.2)
+
+
+def run(folder: Path, trainer: Trainer | None = None, **options: Any) -> tuple[TrainingResult, dict[str, torch.Tensor]]:
+    """Train small modules and return the result with all their weights."""
+    model, head = modules()
+    trainer = trainer or Trainer(epochs=4, scheduler=SCHEDULER, progress=False)
+    options = {"sampler": BalancedEdgeSampler(16), "recipe": RECIPE, "validate": accuracy, "graphs": GRAPHS} | options
+    result = trainer.train(model, folder=folder, objectness=head, **options)
+    return result, {**model.state_dict(), **{f"head.{key}": value for key, value in head.state_dict().items()}}
+
+
+def last_weights(folder: Path) -> dict[str, torch.Tensor]:
+    return torch.load(folder / "state.pt", weights_only=True)["joint"]
+
+
+def assert_same(ours: Mapping[str, torch.Tensor], theirs: Mapping[str, torch.Tensor]) -> None:
+    assert ours.keys() == theirs.keys()
+    different = [key for key in ours if not torch.equal(ours[key], theirs[key])]
+    assert different == []
+
+
+def test_learns_what_the_features_give_away(tmp_path: Path) -> None:
+    result, _ = run(
+        tmp_path, Trainer(epochs=12, progress=False, optimizer=functools.partial(torch.optim.Adam, lr=1e-2))
+    )
+    assert result.best_score is not None
+    assert result.best_score > 0.95
+    losses = result.history.loss
+    assert losses.iloc[-1] < 0.5 * losses.iloc[0]
+    assert result.history.objectness_loss.iloc[-1] < result.history.objectness_loss.iloc[0]
+
+
+def test_the_loss_is_the_mean_over_drawn_pairs_and_known_superpixels(tmp_path: Path) -> None:
+    torch.manual_seed(0)
+    graph = path_graph([1.0, 0.0, 0.0])
+    graph.node_instance = torch.tensor([2, 0, -1, 1])
+    model, head = SharedMLP(3, 2, hidden_channels=[4]), ObjectnessHead(3, hidden_channels=[4])
+    for module in (model, head):
+        for value in module.parameters():
+            value.data.zero_()
+    model.mlp.lins[-1].bias.data.fill_(1.0)
+    head.mlp.lins[-1].bias.data.fill_(2.0)
+    trainer = Trainer(epochs=1, progress=False, objectness_weight=0.5)
+    recipe = {"model": {**MLP, "hidden_channels": [4]}, "objectness": {**HEAD, "hidden_channels": [4]}}
+    result = trainer.train(
+        model, [graph], sampler=BalancedEdgeSampler(8, 0.25), folder=tmp_path, recipe=recipe, objectness=head
+    )
+    row = result.history.iloc[0]
+
+    def cost(logit: float, label: float) -> float:
+        return math.log(1 + math.exp(-logit if label else logit))
+
+    assert row.edge_loss == pytest.approx((2 * cost(1, 1) + 6 * cost(1, 0)) / 8, rel=1e-6)
+    assert row.objectness_loss == pytest.approx((cost(2, 1) + 2 * cost(2, 0)) / 3, rel=1e-6)
+    assert row.loss == pytest.approx(row.edge_loss + 0.5 * row.objectness_loss, rel=1e-6)
+
+
+def test_a_seed_repeats_itself_and_another_does_not(tmp_path: Path) -> None:
+    _, first = run(tmp_path / "a")
+    torch.rand(7)
+    _, again = run(tmp_path / "b")
+    _, other = run(tmp_path / "c", Trainer(epochs=4, scheduler=SCHEDULER, progress=False, seed=1))
+    assert_same(first, again)
+    assert any(not torch.equal(first[key], other[key]) for key in first)
+
+
+def test_reading_ahead_changes_nothing(tmp_path: Path) -> None:
+    for workers in (0, 2):
+        run(tmp_path / str(workers), Trainer(epochs=2, progress=False, num_workers=workers))
+    assert_same(last_weights(tmp_path / "0"), last_weights(tmp_path / "2"))
+
+
+@pytest.mark.parametrize("step", [0, 2, 4, 10])
+def test_a_killed_training_ends_with_the_weights_of_an_unbroken_one(step: int, tmp_path: Path) -> None:
+    """Ten graphs are three steps an epoch: killed before any, within the first, the second and the last epoch."""
+    unbroken, weights = run(tmp_path / "unbroken")
+    with pytest.raises(Killed):
+        run(tmp_path / "killed", sampler=KillingSampler(step))
+    resumed, resumed_weights = run(tmp_path / "killed")
+    assert_same(resumed_weights, weights)
+    assert_same(last_weights(tmp_path / "killed"), last_weights(tmp_path / "unbroken"))
+    pd.testing.assert_frame_equal(
+        resumed.history.drop(columns="seconds"), unbroken.history.drop(columns="seconds"), check_exact=True
+    )
+    assert resumed.checkpoint.read_bytes() == unbroken.checkpoint.read_bytes()
+
+
+def test_resuming_trains_the_missing_epochs_only(tmp_path: Path) -> None:
+    with pytest.raises(Killed):
+        run(tmp_path, sampler=KillingSampler(8))
+    counting = KillingSampler(10**6)
+    run(tmp_path, sampler=counting)
+    assert 10**6 - counting.step == 2 * 3
+
+
+def test_a_finished_training_is_not_repeated(tmp_path: Path) -> None:
+    first, weights = run(tmp_path)
+    again, again_weights = run(tmp_path, sampler=KillingSampler(0))
+    assert_same(weights, again_weights)
+    pd.testing.assert_frame_equal(again.history, first.history)
+    assert (again.best_epoch, again.best_score) == (first.best_epoch, first.best_score)
+
+
+def test_ctrl_c_says_how_to_go_on(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        run(tmp_path, sampler=KillingSampler(7, KeyboardInterrupt))
+    assert f"2 of 4 epochs are finished and kept in {tmp_path / 'state.pt'}" in caplog.text
+    result, _ = run(tmp_path)
+    assert result.history.epoch.tolist() == [1, 2, 3, 4]
+
+
+def test_the_state_of_another_training_is_refused(tmp_path: Path) -> None:
+    run(tmp_path, Trainer(epochs=1, progress=False))
+    with pytest.raises(TrainingError, match=r"another training: batch_size was 4, now 2; seed was 0, now 3\."):
+        run(tmp_path, Trainer(epochs=1, progress=False, seed=3, batch_size=2))
+    with pytest.raises(TrainingError, match=r"sampler was BalancedEdgeSampler\(pairs_per_graph=16"):
+        run(tmp_path, Trainer(epochs=1, progress=False), sampler=BalancedEdgeSampler(8))
+    with pytest.raises(TrainingError, match="features was"):
+        run(tmp_path, Trainer(epochs=1, progress=False), recipe={**RECIPE, "features": {"node": None, "edge": None}})
+
+
+@pytest.mark.parametrize("content", [b"", b"not a state", b"PK\x03\x04 cut off"])
+def test_a_damaged_state_is_named(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / "state.pt").write_bytes(content)
+    with pytest.raises(TrainingError, match=r"state\.pt cannot be read.*Delete it"):
+        run(tmp_path)
+
+
+def test_the_best_epoch_is_kept_and_of_equal_ones_the_first(tmp_path: Path) -> None:
+    trainer = Trainer(epochs=5, progress=False)
+    result, weights = run(tmp_path / "all", trainer, validate=scripted([math.nan, 0.2, 0.7, 0.7, 0.4]))
+    assert (result.best_epoch, result.best_score) == (3, 0.7)
+    _, third = run(tmp_path / "three", Trainer(epochs=3, progress=False), validate=scripted([0.0, 0.0, 0.1]))
+    assert_same(weights, third)
+    loaded = Checkpoint.load(result.checkpoint)
+    assert loaded.recipe == {**RECIPE, "scores": {"epoch": 3, "overlap_f": 0.7}}
+    assert_same(loaded.model.state_dict(), {key: weights[key] for key in loaded.model.state_dict()})
+
+
+def test_patience(tmp_path: Path) -> None:
+    trainer = Trainer(epochs=9, progress=False, patience=2)
+    result, _ = run(tmp_path, trainer, validate=scripted([0.1, 0.5, 0.4, 0.5, 0.9]))
+    assert result.history.epoch.tolist() == [1, 2, 3, 4]
+    assert result.best_epoch == 2
+    again, _ = run(tmp_path, trainer, validate=scripted([]))
+    assert len(again.history) == 4
+
+
+def test_without_validation_the_last_epoch_is_the_best(tmp_path: Path) -> None:
+    result, weights = run(tmp_path, validate=None)
+    assert (result.best_epoch, result.best_score) == (4, None)
+    state = last_weights(tmp_path)
+    assert all(torch.equal(state[f"model.{key}"], weights[key]) for key in SharedMLP(3, 2, [16, 16]).state_dict())
+
+
+def test_the_schedule_is_stepped_once_an_epoch(tmp_path: Path) -> None:
+    result, _ = run(tmp_path)
+    assert result.history.lr.tolist() == [1e-3, 5e-4, 2.5e-4, 1.25e-4]
+
+
+def test_clipping_limits_the_gradient(tmp_path: Path) -> None:
+    sgd = functools.partial(torch.optim.SGD, lr=1.0)
+    model, _ = modules()
+    before = torch.cat([value.detach().flatten().clone() for value in model.parameters()])
+    trainer = Trainer(epochs=1, batch_size=10, progress=False, optimizer=sgd, gradient_clip_norm=0.01)
+    recipe = {**RECIPE, "objectness": None}
+    trainer.train(model, GRAPHS, sampler=BalancedEdgeSampler(16), folder=tmp_path, recipe=recipe)
+    moved = torch.cat([value.detach().flatten() for value in model.parameters()]) - before
+    assert float(moved.norm()) == pytest.approx(0.01, rel=1e-3)
+
+
+def test_inputs_are_standardised_by_the_training_graphs(tmp_path: Path) -> None:
+    _, weights = run(tmp_path, Trainer(epochs=1, progress=False))
+    x = torch.cat([graph.x for graph in GRAPHS]).double()
+    torch.testing.assert_close(weights["standardize_nodes.mean"].double(), x.mean(0), rtol=1e-6, atol=1e-6)
+    torch.testing.assert_close(weights["standardize_nodes.scale"].double(), x.std(0, correction=0), rtol=1e-6, atol=0)
+    assert torch.equal(weights["head.standardize_nodes.mean"], weights["standardize_nodes.mean"])
+
+
+def test_graphs_without_labelled_pairs_are_left_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    unknown = path_graph([-1.0, -1.0])
+    graphs = [GRAPHS[0], unknown, GRAPHS[1]]
+    assert survey_graphs(graphs, progress=False).usable.tolist() == [0, 2]
+    assert "1 of 3 training graphs have no labelled pair" in caplog.text
+    run(tmp_path, Trainer(epochs=1, batch_size=1, progress=False), graphs=graphs)
+    with pytest.raises(TrainingError, match="none of the 2 training graphs"):
+        survey_graphs([unknown, unknown], progress=False)
+
+
+def test_survey_counts_pairs() -> None:
+    survey = survey_graphs([path_graph([1, 0, -1, 1]), path_graph([0.0])], progress=False)
+    assert (survey.merges, survey.cuts) == (2, 2)
+    assert survey.nodes.count == 7
+    assert survey.edges.count == 10
+
+
+def test_nothing_to_train_on(tmp_path: Path) -> None:
+    with pytest.raises(TrainingError, match=r"no training graphs.*sgbd\.prepare"):
+        run(tmp_path, graphs=[])
+
+
+def test_graphs_without_labels(tmp_path: Path) -> None:
+    graph = path_graph([1.0])
+    del graph.edge_label
+    with pytest.raises(TrainingError, match="no edge_label"):
+        run(tmp_path, graphs=[graph])
+
+
+@pytest.mark.parametrize("field", ["x", "edge_attr"])
+def test_features_that_are_not_finite_are_named(field: str, tmp_path: Path) -> None:
+    bad = grid_graph(3, 3, seed=5)
+    bad[field][2, 1] = math.nan
+    with pytest.raises(TrainingError, match=rf"training graph grid5: {field} holds NaN.*column 1"):
+        run(tmp_path, graphs=[*GRAPHS[:4], bad])
+
+
+def test_a_loss_that_explodes_is_named_and_finished_epochs_stay(tmp_path: Path) -> None:
+    class Exploding(EdgeClassifier):
+        """Fine in the first epoch."""
+
+        def __init__(self) -> None:
+            super().__init__(3, 2)
+            self.weight = torch.nn.Parameter(torch.zeros(3))
+            self.calls = 0
+
+        def score(self, source: torch.Tensor, target: torch.Tensor, edge: torch.Tensor) -> torch.Tensor:
+            self.calls += 1
+            return (source + target) @ self.weight * (math.inf if self.calls > 4 else 1.0)
+
+    trainer = Trainer(epochs=3, progress=False)
+    recipe = {"model": {"_target_": "tests.test_training.Exploding"}}
+    with pytest.raises(TrainingError, match=r"loss became nan in epoch 2, step 1 to 3.*trainer\.optimizer\.lr"):
+        trainer.train(Exploding(), GRAPHS, sampler=BalancedEdgeSampler(16), folder=tmp_path, recipe=recipe)
+    assert torch.load(tmp_path / "state.pt", weights_only=True)["epoch"] == 1
+
+
+def test_validation_without_the_monitored_score(tmp_path: Path) -> None:
+    with pytest.raises(TrainingError, match=r"no 'boundary_f'.*one of overlap_f, other"):
+        run(tmp_path, Trainer(epochs=1, progress=False, monitor="boundary_f"))
+
+
+def test_a_recipe_that_cannot_be_written_fails_before_training(tmp_path: Path) -> None:
+    with pytest.raises(CheckpointError, match="section 'model'"):
+        run(tmp_path, recipe={}, sampler=KillingSampler(0))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"epochs": 0},
+        {"batch_size": 2.5},
+        {"seed": -1},
+        {"num_workers": -1},
+        {"patience": 0},
+        {"gradient_clip_norm": 0.0},
+        {"objectness_weight": -1.0},
+        {"objectness_weight": math.nan},
+    ],
+)
+def test_impossible_settings_are_refused(options: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=f"trainer.{next(iter(options))} must"):
+        Trainer(**options)
+
+
+def test_logs_and_history_files(tmp_path: Path) -> None:
+    loggers = [instantiate(OmegaConf.load(CONF / "logger" / f"{name}.yaml"))[name] for name in ("csv", "tensorboard")]
+    assert [make.func for make in loggers] == [CSVLogger, TensorBoardLogger]
+    trainer = Trainer(epochs=2, progress=False, log_every=2)
+    result, _ = run(tmp_path, trainer, loggers=loggers)
+    metrics = pd.read_csv(tmp_path / "csv" / "version_0" / "metrics.csv")
+    assert metrics["val/overlap_f"].dropna().tolist() == pytest.approx(result.history["val/overlap_f"].tolist())
+    assert metrics.loc[metrics["step/loss"].notna(), "step"].tolist() == [2, 3, 5, 6]
+    events = EventAccumulator(str(tmp_path / "tensorboard")).Reload()
+    assert [event.step for event in events.Scalars("loss")] == [3, 6]
+    assert [event.value for event in events.Scalars("loss")] == pytest.approx(result.history.loss.tolist())
+    written = pd.read_csv(tmp_path / "history.csv")
+    pd.testing.assert_frame_equal(written, result.history)
+
+
+@pytest.mark.parametrize("name", ["default", "adamw_cosine"])
+def test_shipped_trainers_train(name: str, tmp_path: Path) -> None:
+    config = OmegaConf.create({"seed": 3, "trainer": OmegaConf.load(CONF / "trainer" / f"{name}.yaml")})
+    config.trainer.epochs = 2
+    config.trainer.progress = False
+    trainer = instantiate(config.trainer)
+    assert isinstance(trainer, Trainer)
+    assert trainer.seed == 3
+    assert set(config.trainer) - {"_target_"} == set(Trainer.__dataclass_fields__)
+    result, _ = run(tmp_path, trainer)
+    assert len(result.history) == 2
+
+
+def test_message_passing_trains_too(tmp_path: Path) -> None:
+    torch.manual_seed(0)
+    model = GatedGCN(3, 2, hidden_channels=16, num_layers=2)
+    recipe = {"model": {"_target_": "sgbd.models.GatedGCN", "node_channels": 3, "edge_channels": 2}}
+    trainer = Trainer(epochs=8, progress=False, optimizer=functools.partial(torch.optim.AdamW, lr=1e-2))
+    result = trainer.train(
+        model, GRAPHS, sampler=BalancedEdgeSampler(16), folder=tmp_path, recipe=recipe, validate=accuracy
+    )
+    assert result.best_score is not None
+    assert result.best_score > 0.9
+
+
+def test_two_processes_train_one_model(tmp_path: Path) -> None:
+    """Gradients are averaged over processes, and the caller's model gets the result."""
+    trainer = Trainer(epochs=3, batch_size=2, devices=2, strategy="ddp_fork", progress=False)
+    result, weights = run(tmp_path, trainer)
+    assert result.history.epoch.tolist() == [1, 2, 3]
+    assert result.history.loss.iloc[-1] < result.history.loss.iloc[0]
+    loaded = Checkpoint.load(result.checkpoint).model.state_dict()
+    assert_same({key: weights[key] for key in loaded}, loaded)
