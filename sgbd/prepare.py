@@ -29,7 +29,7 @@ def frame_source(dataset: DictConfig, workers: int, split: str | None = None) ->
     source: FrameSource = instantiate(dataset, **options)
     generate = getattr(source, "generate", None)
     if generate is not None:
-        generate(workers=workers)
+        generate(workers=max(workers, 1))
     return source
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import errno
+import functools
 import inspect
 import os
 import re
@@ -38,6 +39,7 @@ OPTIONS = sorted(
 SOURCES = "".join(path.read_text() for path in (CONF.parent / "sgbd").rglob("*.py"))
 
 
+@functools.cache
 def composed(entry: str, *overrides: str, hydra: bool = False):
     with initialize_config_dir(str(CONF), version_base="1.3", job_name=entry):
         return compose(entry, list(overrides), return_hydra_config=hydra)
