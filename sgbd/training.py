@@ -132,8 +132,9 @@ class Trainer:
             thread gains little on an idle machine, and costs an order of magnitude on a busy one.
         accelerator: `cpu`, `gpu`, `auto` or another of Fabric's.
         devices: Number of devices, one process each.
-        strategy: Fabric's name of how they work together: `auto` for one; `ddp_spawn`, `ddp_fork` (on the CPU) or
-            `ddp` for several.
+        strategy: Fabric's name of how they work together: `auto` for one device; `ddp_fork` for several, or `ddp_spawn`
+            where processes cannot be forked and all that is given to `train` can be pickled. Then only the training
+            itself runs in several processes, and the caller's program in one.
         precision: Fabric's name of the precision, such as `32-true` or `bf16-mixed`.
         log_every: Steps between two entries of the loss in the logs.
         progress: Whether to show a progress bar.
@@ -213,10 +214,23 @@ class Trainer:
                 monitored score is missing, or the state in `folder` is of another training.
             KeyboardInterrupt: On Ctrl-C; finished epochs are kept.
         """
-        folder = Path(folder)
+        with _threads(self.threads):
+            return self._train(model, graphs, sampler, Path(folder), dict(recipe), objectness, validate, loggers)
+
+    def _train(
+        self,
+        model: EdgeClassifier,
+        graphs: Sequence[Data],
+        sampler: EdgeSampler,
+        folder: Path,
+        recipe: dict[str, Any],
+        objectness: ObjectnessHead | None,
+        validate: Validate | None,
+        loggers: Iterable[MakeLogger],
+    ) -> TrainingResult:
         path = folder / STATE_FILE
         # Fails now, not after the first epoch, if the recipe cannot be written.
-        Checkpoint(model, objectness, dict(recipe)).to_bytes()
+        Checkpoint(model, objectness, recipe).to_bytes()
         if len(graphs) == 0:
             raise TrainingError(
                 "there are no training graphs. Prepare some frames first (python -m sgbd.prepare), or look into the "
@@ -251,7 +265,7 @@ class Trainer:
             )
             try:
                 run: Callable[..., None] = self._run
-                fabric.launch(run, model, objectness, graphs, sampler, folder, dict(recipe), validate, state)
+                fabric.launch(run, model, objectness, graphs, sampler, folder, recipe, validate, state)
             except KeyboardInterrupt:
                 log.warning("training interrupted. %s", _how_to_go_on(path, self.epochs))
                 raise

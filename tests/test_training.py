@@ -260,6 +260,19 @@ def test_graphs_without_labelled_pairs_are_left_out(tmp_path: Path, caplog: pyte
         survey_graphs([unknown, unknown], progress=False)
 
 
+def test_the_number_of_threads_is_given_back(tmp_path: Path) -> None:
+    before = torch.get_num_threads()
+    seen = []
+
+    def validate(model: EdgeClassifier, objectness: ObjectnessHead | None) -> Mapping[str, float]:
+        seen.append(torch.get_num_threads())
+        return {"overlap_f": 0.0}
+
+    run(tmp_path, Trainer(epochs=1, progress=False, threads=before + 1), validate=validate)
+    assert seen == [before + 1]
+    assert torch.get_num_threads() == before
+
+
 def test_survey_counts_pairs() -> None:
     survey = survey_graphs([path_graph([1, 0, -1, 1]), path_graph([0.0])], progress=False)
     assert (survey.merges, survey.cuts) == (2, 2)
@@ -373,6 +386,17 @@ def test_message_passing_trains_too(tmp_path: Path) -> None:
     )
     assert result.best_score is not None
     assert result.best_score > 0.9
+
+
+def test_a_model_of_the_users_own_is_trained_and_read_again(tmp_path: Path) -> None:
+    config = {"_target_": "tests.test_checkpoint.OwnModel", "node_channels": 3, "edge_channels": 2}
+    model = instantiate(config)
+    trainer = Trainer(epochs=2, progress=False)
+    result = trainer.train(
+        model, GRAPHS, sampler=BalancedEdgeSampler(16), folder=tmp_path, recipe={"model": config}, validate=accuracy
+    )
+    loaded = Checkpoint.load(result.checkpoint, trust=["tests"]).model
+    assert_same(loaded.state_dict(), model.state_dict())
 
 
 def test_two_processes_train_one_model(tmp_path: Path) -> None:
