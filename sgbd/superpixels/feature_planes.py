@@ -43,7 +43,8 @@ def gaussian_weights(sigma: float) -> npt.NDArray[np.float32]:
     return (weights / (weights[0] + 2 * weights[1:].sum())).astype(np.float32)
 
 
-@compiled
+# Division by zero gives infinity, as in NumPy: a check for it would keep the loops from becoming vector instructions.
+@compiled(error_model="numpy")
 def write_lab(rgb, intensities, to_xyz, scale, scratch, planes, first, last):  # type: ignore[no-untyped-def]
     """Convert a band of rows to Lab.
 

@@ -69,7 +69,7 @@ class Cells:
         Returns:
             The cells.
         """
-        rows = int(np.clip(round((n_segments * height / width) ** 0.5), 1, height))
+        rows = int(np.clip(round((n_segments * height / width) ** 0.5), 1, min(height, n_segments)))
         columns = int(np.clip(round(n_segments / rows), 1, width))
         tops = np.arange(rows + 1, dtype=np.int64) * height // rows
         lefts = np.arange(columns + 1, dtype=np.int64) * width // columns
@@ -111,7 +111,7 @@ class Samples:
         Returns:
             The samples.
         """
-        stride = int(max(1, min(subsample, cells.step // 5)))
+        stride = int(max(1, min(subsample, cells.step // 8)))
         rows, columns = np.arange(0, cells.tops[-1], stride), np.arange(0, cells.lefts[-1], stride)
         cell_rows = np.searchsorted(cells.tops, rows, side="right") - 1
         cell_columns = np.searchsorted(cells.lefts, columns, side="right") - 1
@@ -137,7 +137,9 @@ def cluster(planes: Planes, cells: Cells, weighted: bool, iterations: int, subsa
         float32 [cells, 6], the *forms* of the centres, for `assign`.
     """
     samples = Samples.of(cells, subsample)
-    values = np.concatenate([planes.reshape(3, -1)[:, samples.pixels], samples.positions])
+    values = np.empty((CENTRE, len(samples.pixels)), np.float32)
+    values[ROW:] = samples.positions
+    _pick(planes.reshape(3, -1), samples.pixels, values)
     # A centre without features stays where it started. That its second plane is 0 tells _expand that it knows no depth.
     centres = np.zeros((len(cells), CENTRE), np.float32)
     centres[:, ROW] = np.repeat((cells.tops[:-1] + cells.tops[1:] - 1) / 2, len(cells.lefts) - 1)
@@ -152,6 +154,13 @@ def cluster(planes: Planes, cells: Cells, weighted: bool, iterations: int, subsa
 
 
 @compiled
+def _pick(planes, pixels, values):  # type: ignore[no-untyped-def]
+    for plane in range(3):
+        for k in range(len(pixels)):
+            values[plane, k] = planes[plane, pixels[k]]
+
+
+@compiled
 def _cluster(  # type: ignore[no-untyped-def]
     values, offsets, near, scale, weighted, iterations, labels, sums, distances, centres, forms
 ):
@@ -160,7 +169,7 @@ def _cluster(  # type: ignore[no-untyped-def]
     for _ in range(iterations):
         for cell in range(len(near)):
             first, last = offsets[cell], offsets[cell + 1]
-            _nearest_of_nine(values, first, near[cell], forms, distances, labels[first:last])
+            _nearest_of_nine(values, first, offsets[0], offsets[0], near[cell], forms, distances, labels[first:last])
         _update(values, labels, weighted, sums, centres)
         _expand(centres, scale, weighted, forms)
 
@@ -220,7 +229,7 @@ def work_space(cells: Cells) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.fl
 
 @compiled
 def assign(planes, tops, lefts, near, forms, values, distances, found, labels, first, last):  # type: ignore[no-untyped-def]
-    """Give every pixel of a band of rows the nearest of the nine centres around it.
+    """Give every pixel of some rows of cells the nearest of the nine centres around it.
 
     Args:
         planes: float32 [3, H, W], what pixels are compared by.
@@ -231,31 +240,32 @@ def assign(planes, tops, lefts, near, forms, values, distances, found, labels, f
         values: float32 [5, B], from `work_space`.
         distances: float32 [9, B], from `work_space`.
         found: int32 [B], from `work_space`.
-        labels: int32 [H, W], written in the rows `first` to `last` - 1: the index of the nearest centre.
-        first: First row of the band.
-        last: Row after the band.
+        labels: int32 [H, W], written where the rows of cells are: the index of the nearest centre.
+        first: First row of cells.
+        last: The row of cells after the last.
     """
     columns = len(lefts) - 1
-    for cell in range(len(near)):
-        i, j = cell // columns, cell % columns
-        top = tops[i] if tops[i] > first else first
-        bottom = tops[i + 1] if tops[i + 1] < last else last
-        left, width = lefts[j], lefts[j + 1] - lefts[j]
+    filled = np.int64(0)
+    for cell in range(first * columns, last * columns):
+        top, bottom = tops[cell // columns], tops[cell // columns + 1]
+        left, width = lefts[cell % columns], lefts[cell % columns + 1] - lefts[cell % columns]
         # As many rows of the cell at a time as fit: one long loop over them costs less than one for each.
         batch = values.shape[1] // width
+        if width != filled:
+            # Positions are told from the corner of the batch, so that they are the same for all cells of a width.
+            for k in range(batch):
+                for column in range(width):
+                    values[ROW, k * width + column] = k
+                    values[COLUMN, k * width + column] = column
+            filled = width
         for start in range(top, bottom, batch):
             rows = batch if batch < bottom - start else bottom - start
             for k in range(rows):
-                begin, end = k * width, (k + 1) * width
-                p, q, r = values[0, begin:end], values[1, begin:end], values[2, begin:end]
-                y, x = values[ROW, begin:end], values[COLUMN, begin:end]
-                row = start + k
-                p_here, q_here, r_here = planes[0, row, left:], planes[1, row, left:], planes[2, row, left:]
-                for column in range(width):
-                    p[column], q[column], r[column] = p_here[column], q_here[column], r_here[column]
-                    y[column] = row
-                    x[column] = left + column
-            _nearest_of_nine(values, tops[0], near[cell], forms, distances, found[: rows * width])
+                for plane in range(3):
+                    target, source = values[plane, k * width :], planes[plane, start + k, left:]
+                    for column in range(width):
+                        target[column] = source[column]
+            _nearest_of_nine(values, tops[0], start, left, near[cell], forms, distances, found[: rows * width])
             for k in range(rows):
                 target, source = labels[start + k, left : left + width], found[k * width : (k + 1) * width]
                 for column in range(width):
@@ -263,14 +273,18 @@ def assign(planes, tops, lefts, near, forms, values, distances, found, labels, f
 
 
 @compiled
-def _nearest_of_nine(values, begin, near, forms, distances, labels):  # type: ignore[no-untyped-def]
-    """Give as many pixels as there are `labels`, from `begin` on in `values`, the nearest of nine centres."""
+def _nearest_of_nine(values, begin, top, left, near, forms, distances, labels):  # type: ignore[no-untyped-def]
+    """Give as many pixels as there are `labels`, from `begin` on in `values`, the nearest of nine centres.
+
+    Rows and columns in `values` are counted from `top` and `left`.
+    """
     count = len(labels)
     p, q, r = values[0, begin : begin + count], values[1, begin : begin + count], values[2, begin : begin + count]
     y, x = values[ROW, begin : begin + count], values[COLUMN, begin : begin + count]
     for candidate in range(9):
         form = forms[near[candidate]]
         by_p, by_q, by_r, by_y, by_x, constant = form[0], form[1], form[2], form[ROW], form[COLUMN], form[CONSTANT]
+        constant += by_y * np.float32(top) + by_x * np.float32(left)
         distance = distances[candidate]
         for k in range(count):
             distance[k] = constant + by_y * y[k] + by_x * x[k] + by_p * p[k] + by_q * q[k] + by_r * r[k]

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import logging
 import os
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from functools import cache, partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap
 from sgbd.compiled import HAS_NUMBA
@@ -33,6 +35,29 @@ logger = logging.getLogger(__name__)
 
 Run = Callable[[Sequence[Callable[[], Any]]], list[Any]]
 """Does jobs, in whatever order or side by side, and returns their results in the order of the jobs."""
+
+
+_memory = threading.local()
+
+
+def reused(role: str, shape: tuple[int, ...], dtype: type) -> npt.NDArray[Any]:
+    """Return an array to work in, the same one in every call from this thread as long as the shape stays.
+
+    Fresh memory of this size comes from the system page by page, which takes as long as what is computed in it.
+
+    Args:
+        role: What the array is for: no two in use at a time share one.
+        shape: Its shape.
+        dtype: Its type.
+
+    Returns:
+        The array, with anything in it.
+    """
+    array: npt.NDArray[Any] | None = getattr(_memory, role, None)
+    if array is None or array.shape != shape:
+        array = np.empty(shape, dtype)
+        setattr(_memory, role, array)
+    return array
 
 
 class FastSlic(Slic):
@@ -100,7 +125,7 @@ class FastSlic(Slic):
         self.subsample = subsample
         self.threads = threads or min(2, available_processors())
         if not HAS_NUMBA:
-            logger.warning("numba is not installed: the superpixels are made with scikit-image's SLIC, which is slower")
+            say_that_numba_is_missing()
 
     def __call__(self, frame: Frame) -> LabelMap:
         """Over-segment a frame.
@@ -127,12 +152,12 @@ class FastSlic(Slic):
         forms = run(
             [partial(cluster, planes, cells, weighted, self.iterations, self.subsample) for planes, weighted in images]
         )
-        labels = [np.empty((height, width), np.int32) for _ in images]
+        labels = [reused(f"labels_{k}", (height, width), np.int32) for k in range(len(images))]
         run(
             [
                 partial(assign, planes, cells.tops, cells.lefts, cells.near, form, *work_space(cells), label, *band)
                 for (planes, _), form, label in zip(images, forms, labels, strict=True)
-                for band in self._bands(height)
+                for band in self._bands(len(cells.tops) - 1)
             ]
         )
         return connected_superpixels(labels[0], labels[-1], self.min_size)
@@ -143,7 +168,7 @@ class FastSlic(Slic):
         images, jobs = [], []
         bands = self._bands(frame.height)
         if self.rgb:
-            lab = np.empty(shape, np.float32)
+            lab = reused("lab", shape, np.float32)
             images.append((lab, False))
             intensities, scale = linear_intensities(frame.rgb), np.float32(1 / self.rgb_compactness)
             jobs += [
@@ -153,7 +178,7 @@ class FastSlic(Slic):
                 for band in bands
             ]
         if self.depth:
-            depth = np.empty(shape, np.float32)
+            depth = reused("depth", shape, np.float32)
             images.append((depth, True))
             scale = np.float32(1 / self.depth_compactness)
             jobs.append(
@@ -166,7 +191,7 @@ class FastSlic(Slic):
         weights = gaussian_weights(self.depth_sigma if weighted else self.rgb_sigma)
         if len(weights) == 1:
             return planes
-        smoothed = np.empty_like(planes)
+        smoothed = reused("smoothed_depth" if weighted else "smoothed_lab", planes.shape, np.float32)
         padded = planes.shape[2] + 2 * (len(weights) - 1)
         run(
             [
@@ -176,10 +201,19 @@ class FastSlic(Slic):
         )
         return unweighted(smoothed, planes) if weighted else smoothed
 
-    def _bands(self, height: int) -> list[tuple[int, int]]:
-        """Cut the rows into a band for each thread."""
-        edges = [height * k // self.threads for k in range(self.threads + 1)]
+    def _bands(self, rows: int) -> list[tuple[int, int]]:
+        """Cut rows into a band for each thread: its first row, and the row after its last."""
+        edges = [rows * k // self.threads for k in range(self.threads + 1)]
         return list(pairwise(edges))
+
+
+@cache
+def say_that_numba_is_missing() -> None:
+    """Say once a process why over-segmentation is slow."""
+    logger.warning(
+        "numba is not installed: superpixels come from scikit-image's SLIC, which takes some twenty times as long. "
+        "Install it with 'pip install numba'."
+    )
 
 
 def available_processors() -> int:

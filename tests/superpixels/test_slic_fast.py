@@ -1,0 +1,207 @@
+import pickle
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sgbd.adjacency import LabelMap
+from sgbd.frame import Frame
+from sgbd.metrics.contingency import ContingencyTable
+from sgbd.metrics.superpixel import (
+    achievable_segmentation_accuracy,
+    boundary_recall,
+    explained_variation,
+    undersegmentation_error,
+)
+from sgbd.superpixels import slic_fast
+from sgbd.superpixels.slic import Slic, Superpixels
+from sgbd.superpixels.slic_fast import FastSlic
+from tests.label_maps import frames, is_superpixel_map, shapes
+
+
+def _made_up(seed: int) -> Frame:
+    """A table with tilted, overlapping, coloured discs and boxes on it, noise in colour and depth, and holes."""
+    rng = np.random.default_rng(seed)
+    height, width = 150, 201
+    row, column = np.mgrid[:height, :width].astype(float)
+    depth = 1.6 - 0.004 * row
+    rgb = np.stack([120 + 0.3 * row, 100 + 0.2 * column, 90 + 0 * row], axis=-1)
+    instances = np.ones((height, width), np.int32)
+    for k in range(9):
+        y, x = rng.uniform(15, height - 15), rng.uniform(15, width - 15)
+        a, b = rng.uniform(8, 30, 2)
+        inside = ((row - y) / a) ** 2 + ((column - x) / b) ** 2 < 1
+        if k % 2:
+            inside = (abs(row - y) < 0.8 * a) & (abs(column - x) < 0.8 * b)
+        surface = 1.6 - 0.004 * y - rng.uniform(0.05, 0.3) + rng.normal(0, 1e-3) * (column - x)
+        depth = np.where(inside, surface, depth)
+        rgb = np.where(inside[..., None], rng.uniform(20, 235, 3) * (0.8 + 0.002 * row[..., None]), rgb)
+        instances[inside] = k + 2
+    depth = depth + rng.normal(0, 0.003, depth.shape)
+    for _ in range(6):
+        y, x = rng.integers(0, height), rng.integers(0, width)
+        depth[y : y + 12, x : x + 5] = 0
+    rgb = np.clip(rgb + rng.normal(0, 5, rgb.shape), 0, 255).astype(np.uint8)
+    return Frame(rgb, depth.astype(np.float32), instances=instances)
+
+
+def _real(folder: Path, index: int) -> Frame:
+    stem = folder / "mosd_learn" / f"learn{index:02d}"
+    labels = iio.imread(f"{stem}_labels.png").astype(np.int32)
+    return Frame(
+        iio.imread(f"{stem}_rgb.png")[..., :3],
+        iio.imread(f"{stem}_depth.png"),
+        instances=np.where(labels == 0, -1, np.where(labels < 10, 1, labels // 10)).astype(np.int32),
+    )
+
+
+def _quality(label_map: LabelMap, frame: Frame) -> npt.NDArray[np.float64]:
+    """Number of superpixels, then measures of which more is better."""
+    assert frame.instances is not None
+    table = ContingencyTable.from_label_maps(label_map, frame.instances)
+    valid = frame.depth > 0
+    clipped = np.minimum(frame.depth, np.percentile(frame.depth[valid], 98))
+    return np.array(
+        [
+            label_map.max() + 1,
+            explained_variation(label_map, frame.rgb),
+            explained_variation(label_map, clipped, valid),
+            boundary_recall(label_map, frame.instances),
+            1 - undersegmentation_error(table),
+            achievable_segmentation_accuracy(table),
+        ]
+    )
+
+
+def _mean_quality(superpixels: Superpixels, of: list[Frame]) -> npt.NDArray[np.float64]:
+    return np.mean([_quality(superpixels(frame), frame) for frame in of], axis=0)
+
+
+def _assert_no_worse(of: list[Frame], n_segments: int, slack: list[float], min_size: int = 25) -> None:
+    """Compare with scikit-image's SLIC at equal numbers of superpixels, between which the measures are interpolated."""
+    reference = _mean_quality(Slic(n_segments, min_size=min_size), of)
+    asked = [n_segments // 2, n_segments * 3 // 4, n_segments, n_segments * 3 // 2, n_segments * 2]
+    ours = np.array([_mean_quality(FastSlic(n, min_size=min_size), of) for n in asked])
+    at = np.log(ours[:, 0])
+    assert at[0] < np.log(reference[0]) < at[-1]
+    equal = [np.interp(np.log(reference[0]), at, ours[:, k]) for k in range(1, 6)]
+    gain = np.array(equal) - reference[1:]
+    assert (gain >= -np.array(slack)).all(), f"colour EV, depth EV, BR, 1 - UE, ASA: {reference[1:]} and gain {gain}"
+
+
+@given(shapes(40).flatmap(frames), st.sampled_from([1, 2, 5, 40, 5000]), st.sampled_from([0, 1, 4, 25]))
+@settings(max_examples=60, deadline=None)
+def test_superpixels_are_connected_numbered_and_large_enough(frame: Frame, n_segments: int, min_size: int) -> None:
+    label_map = FastSlic(n_segments, min_size=min_size)(frame)
+    sizes = np.bincount(label_map.ravel())
+    assert label_map.dtype == np.int32
+    assert label_map.shape == frame.depth.shape
+    assert is_superpixel_map(label_map)
+    assert len(sizes) == 1 or sizes.min() >= min_size
+
+
+@given(
+    shapes(40).flatmap(frames),
+    st.sampled_from([(True, True), (True, False), (False, True)]),
+    st.integers(2, 5),
+    st.sampled_from([0.01, 1.0]),
+)
+@settings(max_examples=40, deadline=None)
+def test_threads_change_nothing(frame: Frame, use: tuple[bool, bool], threads: int, depth_sigma: float) -> None:
+    one = FastSlic(20, rgb=use[0], depth=use[1], depth_sigma=depth_sigma, min_size=4, threads=1)(frame)
+    many = FastSlic(20, rgb=use[0], depth=use[1], depth_sigma=depth_sigma, min_size=4, threads=threads)(frame)
+    np.testing.assert_array_equal(one, many)
+
+
+def test_memory_that_is_used_again_changes_nothing() -> None:
+    superpixels = FastSlic(60)
+    expected = [superpixels(_made_up(seed)) for seed in (0, 1)]
+    small = Frame(np.zeros((5, 7, 3), np.uint8), np.ones((5, 7), np.float32))
+    for _ in range(2):
+        superpixels(small)
+        again = [superpixels(_made_up(seed)) for seed in (0, 1)]
+        np.testing.assert_array_equal(again, expected)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(superpixels))(_made_up(0)), expected[0])
+
+
+@pytest.mark.parametrize(("rgb", "depth"), [(True, False), (False, True), (True, True)])
+def test_superpixels_respect_edges(rgb: bool, depth: bool) -> None:
+    colours = np.full((48, 64, 3), 120, np.uint8)
+    metres = np.full((48, 64), 1.0, np.float32)
+    if rgb:
+        colours[:, 32:] = (220, 30, 30)
+    if depth:
+        metres[24:] = 1.5
+    # Smoothing moves a clear edge by less than a pixel, and only that of the colours.
+    label_map = FastSlic(12, rgb=rgb, depth=depth, min_size=8)(Frame(colours, metres))
+    assert is_superpixel_map(label_map)
+    if rgb:
+        assert not set(label_map[:, :32].ravel()) & set(label_map[:, 32:].ravel())
+    if depth:
+        assert not set(label_map[:24].ravel()) & set(label_map[24:].ravel())
+
+
+def test_a_constant_frame_is_cut_into_a_grid() -> None:
+    label_map = FastSlic(12)(Frame(np.full((48, 64, 3), 9, np.uint8), np.full((48, 64), 1.0, np.float32)))
+    row, column = np.mgrid[:48, :64]
+    np.testing.assert_array_equal(label_map, row // 16 * 4 + column // 16)
+
+
+def test_a_hole_in_the_depth_is_no_edge() -> None:
+    metres = np.full((60, 60), 1.0, np.float32)
+    metres[20:40, 20:40] = 0
+    metres[0, 0] = 1.1
+    whole = FastSlic(4, rgb=False, min_size=4)(Frame(np.zeros((60, 60, 3), np.uint8), metres))
+    assert len(np.unique(whole)) <= 5
+    assert len(np.unique(whole[20:40, 20:40])) == 4
+
+
+def test_about_as_many_superpixels_as_scikit_image_gives() -> None:
+    of = [_made_up(seed) for seed in range(4)]
+    for n_segments in (40, 120):
+        ours, reference = (np.mean([s(n_segments)(f).max() + 1 for f in of]) for s in (FastSlic, Slic))
+        assert 0.6 < ours / reference < 1.7
+
+
+@pytest.mark.parametrize("n_segments", [48, 128])
+def test_quality_on_made_up_frames_is_no_worse_than_that_of_scikit_image(n_segments: int) -> None:
+    _assert_no_worse([_made_up(seed) for seed in range(8)], n_segments, slack=[0.0, 0.002, 0.01, 0.002, 0.001])
+
+
+@pytest.mark.parametrize("n_segments", [128, 512])
+def test_quality_on_real_frames_is_no_worse_than_that_of_scikit_image(shared_data: Path, n_segments: int) -> None:
+    of = [_real(shared_data, index) for index in (3, 19, 27, 35, 40)]
+    _assert_no_worse(of, n_segments, slack=[0.0, 0.002, 0.01, 0.002, 0.001])
+
+
+def test_without_numba_scikit_image_steps_in_and_says_so_once(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(slic_fast, "HAS_NUMBA", False)
+    slic_fast.say_that_numba_is_missing.cache_clear()
+    frame = _made_up(0)
+    superpixels = FastSlic(30)
+    np.testing.assert_array_equal(superpixels(frame), Slic(30)(frame))
+    FastSlic(40)
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    assert "pip install numba" in caplog.text
+    slic_fast.say_that_numba_is_missing.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"iterations": -1}, "iterations=-1"),
+        ({"subsample": 0}, "subsample=0"),
+        ({"threads": 0}, "threads=0"),
+        ({"rgb": False, "depth": False}, "nothing to over-segment by"),
+        ({"n_segments": 0}, "n_segments"),
+    ],
+)
+def test_options_out_of_range_are_told(options: dict[str, int], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        FastSlic(**options)  # type: ignore[arg-type]
