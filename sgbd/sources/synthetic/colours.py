@@ -13,13 +13,18 @@ _WOODS = ((0.80, 0.66, 0.48), (0.68, 0.50, 0.33), (0.52, 0.34, 0.20), (0.38, 0.2
 _METALS = ((0.72, 0.73, 0.75), (0.58, 0.59, 0.61), (0.80, 0.79, 0.76), (0.62, 0.53, 0.40))
 
 
+def rgb(red: float, green: float, blue: float) -> Colour:
+    """Return a colour of given components, 0 to 1."""
+    return np.array([red, green, blue], dtype=np.float32)
+
+
 def _near(rng: np.random.Generator, base: tuple[float, float, float], spread: float) -> Colour:
     return np.clip(np.asarray(base) + rng.normal(0, spread, 3), 0.03, 0.97).astype(np.float32)
 
 
 def vivid(rng: np.random.Generator) -> Colour:
     """Return a saturated colour: packaging, plastic, paint."""
-    rgb = colorsys.hsv_to_rgb(rng.random(), rng.uniform(0.55, 0.95), rng.uniform(0.5, 0.95))
+    rgb = colorsys.hsv_to_rgb(rng.random(), rng.uniform(0.4, 0.82), rng.uniform(0.4, 0.85))
     return np.asarray(rgb, dtype=np.float32)
 
 

@@ -22,8 +22,8 @@ def plastic(rng: np.random.Generator, colour: colours.Colour | None = None) -> T
 def metallic(rng: np.random.Generator, colour: colours.Colour | None = None) -> Texture:
     """Brushed metal: fine streaks, strong highlights."""
     chosen = colours.metal(rng) if colour is None else colour
-    pair = np.stack([chosen * np.float32(0.88), chosen * np.float32(1.06)])
-    return Speckled(pair, (0.001, 0.02, 0.02), 0.0, seed_of(rng), gloss=rng.uniform(0.5, 0.9))
+    pair = np.stack([chosen * np.float32(0.95), chosen * np.float32(1.03)])
+    return Speckled(pair, (0.002, 0.03, 0.03), 0.0, seed_of(rng), gloss=rng.uniform(0.5, 0.9))
 
 
 def ceramic(rng: np.random.Generator) -> Texture:
@@ -39,7 +39,11 @@ def ceramic(rng: np.random.Generator) -> Texture:
         return Bands((Plain(first, gloss=gloss), Plain(second, gloss=gloss)), (height,), gloss=gloss)
     if kind == 2:
         return Stripes(
-            np.stack([first, second]), np.float32([0, 0, 1]), rng.uniform(0.015, 0.05), rng.random(), gloss=gloss
+            np.stack([first, second]),
+            np.array([0, 0, 1], dtype=np.float32),
+            rng.uniform(0.015, 0.05),
+            rng.random(),
+            gloss=gloss,
         )
     if kind == 3:
         return Stripes(np.stack([first, second]), None, 2 * np.pi / rng.integers(4, 12), gloss=gloss)

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import json
 import logging
-import multiprocessing
 import os
 import shutil
-import signal
-from collections.abc import Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +16,10 @@ from filelock import FileLock, Timeout
 from PIL import Image
 from tqdm import tqdm
 
+from sgbd.atomic_file import write_whole
 from sgbd.sources.categories import TABLE_CATEGORY, TOD_CATEGORIES, TOD_SYNSETS
 from sgbd.sources.synthetic.recipe import FIRST_VIEW, FOLDERS, Recipe
+from sgbd.workers import WorkerError, map_in_order
 
 log = logging.getLogger(__name__)
 
@@ -50,7 +49,7 @@ def generate(root: Path, recipe: Recipe, workers: int | None = None, progress: b
     Args:
         root: Folder of this dataset alone.
         recipe: What to make.
-        workers: Processes; None for one a core, 1 for none beside this one. It does not change the frames.
+        workers: Processes; None for one a core, 0 for this one alone. It does not change the frames.
         progress: Whether to show a progress bar.
 
     Raises:
@@ -60,9 +59,8 @@ def generate(root: Path, recipe: Recipe, workers: int | None = None, progress: b
     if is_complete(root, recipe):
         return
     require_extra()
-    workers = workers if workers is not None else (os.process_cpu_count() if hasattr(os, "process_cpu_count") else os.cpu_count()) or 1
-    if workers < 1:
-        raise ValueError(f"workers must be at least 1 or None for one a core; got {workers}")
+    if workers is None:
+        workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     try:
         root.mkdir(parents=True, exist_ok=True)
         lock = FileLock(root / ".lock")
@@ -79,6 +77,8 @@ def generate(root: Path, recipe: Recipe, workers: int | None = None, progress: b
             f"{root} cannot be written: {error.strerror or error}. Free space or choose another folder (root); "
             "finished scenes are kept and not made again."
         ) from error
+    except WorkerError as error:
+        raise GenerationError(f"{error} Finished scenes are kept and not made again.") from error
 
 
 def require_extra() -> None:
@@ -87,15 +87,14 @@ def require_extra() -> None:
     Raises:
         MissingExtraError: If one is not; the message says how to install it.
     """
-    try:
-        import embreex.rtcore_scene
-        import mujoco
-        import trimesh  # noqa: F401
-    except ImportError as error:
-        raise MissingExtraError(
-            f"making synthetic frames needs the package {error.name!r}, which is not installed. Install the extra: "
-            "pip install 'sgbd[synthetic]'. Reading frames that were made before needs nothing."
-        ) from error
+    for package in ("embreex.rtcore_scene", "mujoco", "trimesh"):
+        try:
+            import_module(package)
+        except ImportError as error:
+            raise MissingExtraError(
+                f"making synthetic frames needs {package.split('.')[0]}, which cannot be imported ({error}). "
+                "Install the extra: pip install 'sgbd[synthetic]'. Reading frames made before needs none of it."
+            ) from error
 
 
 def write_scene(root: Path, recipe: Recipe, split: str, number: int) -> Path:
@@ -144,72 +143,35 @@ def _generate_locked(root: Path, recipe: Recipe, workers: int, progress: bool) -
     stored = _stored_recipe(root)
     if stored is not None and stored != recipe.as_dict():
         raise GenerationError(f"{root} holds frames of another recipe ({root / RECIPE_FILE}); choose another folder")
-    _write_whole(root / RECIPE_FILE, json.dumps(recipe.as_dict(), indent=1) + "\n")
+    write_whole(root / RECIPE_FILE, (json.dumps(recipe.as_dict(), indent=1) + "\n").encode())
     tasks = []
     for split, folder in FOLDERS.items():
         (root / folder).mkdir(exist_ok=True)
         for leftover in (root / folder).glob(".scene_*"):
             shutil.rmtree(leftover, ignore_errors=True)
         tasks += [(split, k) for k, (scene, _) in enumerate(recipe.scenes(split)) if not (root / scene).is_dir()]
+    views = [recipe.scenes(split)[number][1] for split, number in tasks]
     total = sum(recipe.frames(split) for split in FOLDERS)
-    views = {(split, k): count for split in FOLDERS for k, (_, count) in enumerate(recipe.scenes(split))}
-    done = total - sum(views[task] for task in tasks)
-    with tqdm(total=total, initial=done, desc="generating frames", unit="frame", disable=not progress) as bar:
-        for task in _run(root, recipe, tasks, min(workers, max(1, len(tasks)))):
-            bar.update(views[task])
+    with tqdm(
+        total=total, initial=total - sum(views), desc="generating frames", unit="frame", disable=not progress
+    ) as bar:
+        scenes = map_in_order(partial(_write_task, root, recipe, tasks), range(len(tasks)), workers)
+        for count, _ in zip(views, scenes, strict=True):
+            bar.update(count)
     for split, name in LISTS.items():
-        _write_whole(root / name, "".join(f"{line}\n" for line in recipe.listed(split)))
+        write_whole(root / name, "".join(f"{line}\n" for line in recipe.listed(split)).encode())
 
 
-def _run(root: Path, recipe: Recipe, tasks: list[tuple[str, int]], workers: int) -> Iterator[tuple[str, int]]:
-    """Make scenes and yield each when it is in its place."""
-    if workers == 1:
-        for split, number in tasks:
-            try:
-                write_scene(root, recipe, split, number)
-            except Exception as error:
-                raise _failure(root, split, number, error) from error
-            yield split, number
-        return
-    # Fresh interpreters: a fork of a process that has threads (torch, Embree) may hang.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare_worker) as pool:
-        waiting = iter(tasks)
-        running: dict[Future, tuple[str, int]] = {}
-        try:
-            while True:
-                # Few at a time, so that an interruption need not wait for a long queue.
-                while len(running) < 2 * workers and (task := next(waiting, None)) is not None:
-                    running[pool.submit(write_scene, root, recipe, *task)] = task
-                if not running:
-                    return
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    task = running.pop(future)
-                    try:
-                        future.result()
-                    except BrokenProcessPool as error:
-                        raise GenerationError(
-                            "a worker process was killed, probably for want of memory; use fewer workers. "
-                            "Finished scenes are kept and not made again."
-                        ) from error
-                    except Exception as error:
-                        raise _failure(root, *task, error) from error
-                    yield task
-        except BaseException:
-            for future in running:
-                future.cancel()
-            raise
-
-
-def _failure(root: Path, split: str, number: int, error: Exception) -> Exception:
-    if isinstance(error, OSError):
-        return error
-    return GenerationError(f"scene {number} of split {split!r} in {root}: {type(error).__name__}: {error}")
-
-
-def _prepare_worker() -> None:
-    # Ctrl-C goes to the main process alone, which lets the scenes in work finish.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _write_task(root: Path, recipe: Recipe, tasks: list[tuple[str, int]], index: int) -> Path:
+    split, number = tasks[index]
+    try:
+        return write_scene(root, recipe, split, number)
+    except (OSError, MemoryError):
+        raise
+    except Exception as error:
+        raise GenerationError(
+            f"scene {number} of split {split!r} in {root}: {type(error).__name__}: {error}"
+        ) from error
 
 
 def _description(recipe: Recipe, split: str, number: int, arrangement: Any, views: list[Any]) -> dict[str, Any]:
@@ -253,9 +215,3 @@ def _stored_recipe(root: Path) -> Any:
         return json.loads((root / RECIPE_FILE).read_text(encoding="utf-8"))
     except (FileNotFoundError, NotADirectoryError, ValueError):
         return None
-
-
-def _write_whole(path: Path, text: str) -> None:
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.write_text(text, encoding="utf-8")
-    temporary.replace(path)

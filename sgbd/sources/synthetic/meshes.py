@@ -25,7 +25,8 @@ def box(size: Vector, centre: Vector = (0, 0, 0), bevel: float = 0.0) -> trimesh
     bevel = min(bevel, 0.9 * float(half.min()))
     if bevel <= 0:
         lengths = 2 * half
-        return block(frustum(lengths[:2], lengths[:2], lengths[2]) + np.asarray(centre, float) - [0, 0, half[2]])
+        foot = np.asarray(centre, dtype=np.float64) - [0, 0, half[2]]
+        return block(frustum(lengths[:2], lengths[:2], lengths[2], at=foot))
     corners = [_BOX_SIGNS * (half - bevel * (1 - np.eye(3)[axis])) for axis in range(3)]
     return hull(np.concatenate(corners) + np.asarray(centre, dtype=np.float64))
 
@@ -63,12 +64,26 @@ def block(corners: Points) -> trimesh.Trimesh:
     return trimesh.Trimesh(corners, np.array(faces), process=False)
 
 
-def frustum(bottom: npt.ArrayLike, top: npt.ArrayLike, height: float, shift: tuple[float, float] = (0, 0)) -> Points:
-    """Return the eight corners of a box whose top [x, y lengths] differs from its bottom; it stands on z = 0."""
+def frustum(
+    bottom: npt.ArrayLike,
+    top: npt.ArrayLike,
+    height: float,
+    shift: tuple[float, float] = (0, 0),
+    at: Vector = (0, 0, 0),
+) -> Points:
+    """Return the eight corners [8, 3] of a box whose top differs from its bottom.
+
+    Args:
+        bottom: Lengths along x and y of the bottom, metres.
+        top: The same of the top.
+        height: From bottom to top.
+        shift: Where the middle of the top lies over that of the bottom.
+        at: Middle of the bottom.
+    """
     corners = []
     for (lx, ly), (sx, sy), z in ((np.asarray(bottom), (0, 0), 0.0), (np.asarray(top), shift, height)):
         corners += [[sx + x * lx / 2, sy + y * ly / 2, z] for x in (-1, 1) for y in (-1, 1)]
-    return np.asarray(corners, dtype=np.float64)
+    return np.asarray(corners, dtype=np.float64) + np.asarray(at, dtype=np.float64)
 
 
 def lathe(profile: Vector, sections: int = 28, squash: float = 1.0) -> trimesh.Trimesh:

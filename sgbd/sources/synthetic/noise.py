@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from sgbd.compiled import compiled
 
-@numba.njit(cache=True, inline="always")
+
+@compiled(inline="always")
 def _lattice(i: int, j: int, k: int, seed: int) -> float:
     # An integer hash (xor-shift and multiply) of a lattice point: the same value on every machine.
     h = (i * 374761393 + j * 668265263 + k * 2147483647 + seed * 1274126177) & 0xFFFFFFFF
@@ -16,7 +17,7 @@ def _lattice(i: int, j: int, k: int, seed: int) -> float:
     return (h ^ (h >> 15)) / 4294967296.0
 
 
-@numba.njit(cache=True)
+@compiled
 def _noise(points: npt.NDArray[np.float32], octaves: int, seed: int, out: npt.NDArray[np.float32]) -> None:
     for n in range(points.shape[0]):
         total, weight, scale, norm = 0.0, 1.0, 1.0, 0.0

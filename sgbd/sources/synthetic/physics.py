@@ -24,7 +24,9 @@ LONGEST = 2.6
 RESTING_SPEED = 0.08
 """Metres a second, below which an object lies still enough to be photographed."""
 WILDEST_SPEED = 15.0
-"""Metres a second: a fall from the highest drop ends at half of that, so this is an explosion."""
+"""Metres a second: no fall in a room ends at half of that, so this is an explosion."""
+AIR = 60.0
+"""Kilograms a cubic metre of the air: so thick that things sink and pile up rather than crash and scatter."""
 DEEPEST = 0.012
 """Metres by which resting objects may sink into each other."""
 
@@ -90,15 +92,15 @@ def drop_poses(shapes: list[Shape], table: Table, rng: np.random.Generator) -> l
     Each object takes the lowest of a few random places over what is already there, by bounding boxes.
     """
     footprint = sum(float(np.prod(np.sort(shape.extents)[1:])) for shape in shapes)
-    reach = min(0.36 * min(table.size), 0.5 * np.sqrt(footprint) * rng.uniform(0.55, 1.0))
-    centre = rng.uniform(-0.15, 0.15, 2) * np.asarray(table.size)
+    reach = min(0.38 * min(table.size), 0.5 * np.sqrt(footprint) * rng.uniform(0.6, 1.1))
+    centre = rng.uniform(-0.06, 0.06, 2) * np.asarray(table.size)
     placed: list[tuple[Floats, Floats]] = []
     poses = []
     for shape in shapes:
         turn = _orientation(shape, rng)
         half = np.abs(turn) @ (shape.extents / 2) + 0.006
         best: Floats | None = None
-        for _ in range(4):
+        for _ in range(8):
             angle, radius = rng.uniform(0, 2 * np.pi), reach * np.sqrt(rng.random())
             place = np.array([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle), 0.0])
             below = [
@@ -162,6 +164,7 @@ def _model(shapes: list[Shape], poses: list[Pose], table: Table) -> mujoco.MjMod
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.iterations = 30
+    spec.option.density = AIR
     world = spec.worldbody
     surface = {"friction": [0.8, 0.01, 0.002], "condim": 4, "solref": [0.012, 1.0]}
     world.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], **surface)

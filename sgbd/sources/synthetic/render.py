@@ -15,18 +15,19 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from sgbd.frame import Intrinsics
+from sgbd.sources.synthetic import shading
 from sgbd.sources.synthetic.room import Placed
-from sgbd.sources.synthetic.shading import edge_aware_mean
 
 Floats = npt.NDArray[np.float32]
 
-GAMMA = 2.2
 CREASE = np.cos(np.deg2rad(42))
 """Faces that meet at a smaller angle are shaded as one smooth surface."""
 LIFT = 6e-4
 """Metres by which secondary rays start above their surface."""
 TILE = 4
 """Side of the tile of pixels that share a set of light samples."""
+SURROUNDINGS = 0.35
+"""Metres within which other surfaces take away ambient light."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,60 +156,50 @@ class Scene:
             rng: Source of randomness of the light samples.
         """
         height, width = camera.height, camera.width
+        count = height * width
         rays = camera.rays().reshape(-1, 3)
         hit = self._trace(camera, rays)
-        triangle = hit["primID"]
-        seen = triangle >= 0
-        depth = np.where(seen, hit["tfar"], 0).astype(np.float32)
-        owner = np.where(seen, self.owner[triangle], -1).astype(np.int32)
-        points = camera.position.astype(np.float32) + rays * depth[:, None]
-        back = -rays / np.linalg.norm(rays, axis=1, keepdims=True)
-        flat = hit["Ng"] / np.maximum(np.linalg.norm(hit["Ng"], axis=1, keepdims=True), 1e-20)
-        flat *= np.where((flat * back).sum(axis=1) < 0, -1, 1)[:, None].astype(np.float32)
-        smooth = self._smooth_normals(triangle, hit["u"], hit["v"])
-        smooth *= np.where((smooth * flat).sum(axis=1) < 0, -1, 1)[:, None].astype(np.float32)
+        eye = camera.position.astype(np.float32)
+        part, depth, facing = np.empty(count, np.int32), np.empty(count, np.float32), np.empty(count, np.float32)
+        points, starts, normals = (np.empty((count, 3), np.float32) for _ in range(3))
+        shading.surface_points(
+            eye, rays, hit["tfar"], hit["primID"], hit["u"], hit["v"], hit["Ng"], self.normals, self.owner, LIFT,
+            part, depth, points, starts, normals, facing,
+        )  # fmt: skip
+        colours, gloss = self._surface(points, normals, part)
 
-        albedo, gloss = self._surface(points, smooth, owner)
-        start = points + flat * np.float32(LIFT) * np.maximum(depth, 1)[:, None]
-        noisy = np.empty((height * width, len(lights) + 1), dtype=np.float32)
-        directions = []
+        sampled = np.empty((height, width, len(lights) + 1), dtype=np.float32)
+        secondary = np.empty_like(starts)
         for k, light in enumerate(lights):
-            towards = _light_samples(light, height, width, rng) - start
-            noisy[:, k] = self._unblocked(start, towards, 1.0)
-            directions.append(light.position.astype(np.float32) - points)
-        bounce = _cosine_samples(smooth, height, width, rng)
-        noisy[:, -1] = self._unblocked(start, bounce, 0.35)
-        visible = np.empty((height, width, noisy.shape[1]), dtype=np.float32)
-        edge_aware_mean(
-            noisy.reshape(visible.shape),
-            owner.reshape(height, width),
-            depth.reshape(height, width),
-            smooth.reshape(height, width, 3),
-            3,
-            visible,
+            shading.rays_to_samples(starts, _ball_samples(light, rng), width, TILE, secondary)
+            sampled[..., k] = self._unblocked(starts, secondary, 1.0).reshape(height, width)
+        shading.rays_about_normals(normals, _sphere_samples(rng), width, TILE, secondary)
+        sampled[..., -1] = self._unblocked(starts, secondary, SURROUNDINGS).reshape(height, width)
+        image = part.reshape(height, width), depth.reshape(height, width), normals.reshape(height, width, 3)
+        visible, halfway = np.empty_like(sampled), np.empty_like(sampled)
+        shading.smooth_along_rows(sampled, *image, TILE - 1, halfway)
+        shading.smooth_along_columns(halfway, *image, TILE - 1, visible)
+
+        colour = np.empty_like(points)
+        shading.reflected_light(
+            eye,
+            points,
+            normals,
+            colours,
+            gloss,
+            visible.reshape(count, -1),
+            np.stack([light.position for light in lights]).astype(np.float32),
+            np.stack([light.colour for light in lights]).astype(np.float32),
+            np.array([light.reach for light in lights], dtype=np.float32),
+            ambient.astype(np.float32),
+            colour,
         )
-        visible = visible.reshape(noisy.shape)
-
-        upward = np.float32(0.5) + np.float32(0.5) * smooth[:, 2:3]
-        openness = np.float32(0.12) + np.float32(0.88) * visible[:, -1:]
-        diffuse = (ambient[0] * (1 - upward) + ambient[1] * upward) * openness
-        highlight = np.zeros_like(diffuse)
-        for k, light in enumerate(lights):
-            distance = np.linalg.norm(directions[k], axis=1, keepdims=True)
-            towards = directions[k] / distance
-            strength = visible[:, k : k + 1] * (np.float32(light.reach) / distance) ** 2
-            diffuse += strength * np.maximum((smooth * towards).sum(axis=1, keepdims=True), 0) * light.colour
-            half = towards + back
-            half /= np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-9)
-            glint = np.maximum((smooth * half).sum(axis=1), 0) ** (8 + 90 * gloss)
-            highlight += strength * (np.float32(0.45) * gloss * glint)[:, None] * light.colour
-        colour = albedo * diffuse + highlight
-        colour[~seen] = 0
+        labels = np.where(part >= 0, self.labels[part], 0).astype(np.int32)
         return Rendering(
             colour.reshape(height, width, 3),
             depth.reshape(height, width),
-            np.where(seen, self.labels[owner], 0).astype(np.int32).reshape(height, width),
-            np.clip((flat * back).sum(axis=1), 0, 1).reshape(height, width),
+            labels.reshape(height, width),
+            facing.reshape(height, width),
         )
 
     def _trace(self, camera: Camera, rays: Floats) -> dict[str, npt.NDArray]:
@@ -223,25 +214,19 @@ class Scene:
         )
         return (hit < 0).astype(np.float32)
 
-    def _smooth_normals(self, triangle: npt.NDArray[np.int32], u: Floats, v: Floats) -> Floats:
-        corner = self.normals[triangle]
-        normals = corner[:, 0] * (1 - u - v)[:, None] + corner[:, 1] * u[:, None] + corner[:, 2] * v[:, None]
-        return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
-
     def _surface(self, points: Floats, normals: Floats, owner: npt.NDArray[np.int32]) -> tuple[Floats, Floats]:
-        """Return linear albedo [n, 3] and gloss [n]: each visible part's texture is asked once."""
-        albedo = np.zeros(points.shape, dtype=np.float32)
+        """Return colour [n, 3], gamma encoded, and gloss [n]: each visible part's texture is asked once."""
+        colours = np.zeros(points.shape, dtype=np.float32)
         gloss = np.zeros(len(points), dtype=np.float32)
-        order = np.argsort(owner, kind="stable")
+        order = np.argsort(owner.astype(np.int16), kind="stable")  # 16 bits are sorted by radix
         bounds = np.searchsorted(owner[order], np.arange(len(self.items) + 1))
         for index in np.flatnonzero(np.diff(bounds)):
             pixels = order[bounds[index] : bounds[index + 1]]
             turn, shift = self._turns[index], self._shifts[index]
             texture = self.items[index].part.texture
-            colour = texture((points[pixels] - shift) @ turn, normals[pixels] @ turn)
-            albedo[pixels] = np.clip(colour, 0.01, 1) ** np.float32(GAMMA)
+            colours[pixels] = texture((points[pixels] - shift) @ turn, normals[pixels] @ turn)
             gloss[pixels] = texture.gloss
-        return albedo, gloss
+        return colours, gloss
 
 
 def _corner_normals(triangles: npt.NDArray[np.float64], faces: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
@@ -267,13 +252,6 @@ def _corner_normals(triangles: npt.NDArray[np.float64], faces: npt.NDArray[np.in
     return sums.reshape(-1, 3, 3)
 
 
-def _tiled(samples: Floats, height: int, width: int) -> Floats:
-    """Lay TILE x TILE samples [TILE * TILE, k] over the image: neighbours have different ones. Returns [H * W, k]."""
-    square = samples.reshape(TILE, TILE, -1)
-    repeats = (-(-height // TILE), -(-width // TILE), 1)
-    return np.tile(square, repeats)[:height, :width].reshape(height * width, -1)
-
-
 def _stratified(rng: np.random.Generator) -> Floats:
     """Return TILE * TILE points [n, 2] of the unit square, one in each cell of a grid, in random order."""
     cells = np.stack(np.meshgrid(np.arange(TILE), np.arange(TILE)), axis=-1).reshape(-1, 2)
@@ -281,19 +259,14 @@ def _stratified(rng: np.random.Generator) -> Floats:
     return rng.permutation(points).astype(np.float32)
 
 
-def _light_samples(light: Light, height: int, width: int, rng: np.random.Generator) -> Floats:
+def _sphere_samples(rng: np.random.Generator) -> Floats:
+    """Return points [TILE * TILE, 3] spread over the unit sphere."""
     square = _stratified(rng)
     angle, z = 2 * np.pi * square[:, 0], 2 * square[:, 1] - 1
     flat = np.sqrt(np.clip(1 - z * z, 0, None))
-    ball = np.stack([flat * np.cos(angle), flat * np.sin(angle), z], axis=1) * light.radius
-    return _tiled((light.position + ball).astype(np.float32), height, width)
+    return np.stack([flat * np.cos(angle), flat * np.sin(angle), z], axis=1).astype(np.float32)
 
 
-def _cosine_samples(normals: Floats, height: int, width: int, rng: np.random.Generator) -> Floats:
-    """Return directions [H * W, 3] about the normals, distributed as their cosine."""
-    square = _stratified(rng)
-    angle, z = 2 * np.pi * square[:, 0], 2 * square[:, 1] - 1
-    flat = np.sqrt(np.clip(1 - z * z, 0, None))
-    ball = np.stack([flat * np.cos(angle), flat * np.sin(angle), z], axis=1).astype(np.float32)
-    # A point of the unit ball's surface about the tip of the normal.
-    return normals * np.float32(1.001) + _tiled(ball, height, width)
+def _ball_samples(light: Light, rng: np.random.Generator) -> Floats:
+    """Return points [TILE * TILE, 3] spread over a lamp."""
+    return (light.position + light.radius * _sphere_samples(rng)).astype(np.float32)

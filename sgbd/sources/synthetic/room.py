@@ -12,8 +12,6 @@ from sgbd.sources.synthetic.meshes import (
     box,
     cylinder,
     ellipsoid,
-    frustum,
-    hull,
     joined,
     lathe,
     moved,
@@ -124,10 +122,10 @@ def _wall_texture(rng: np.random.Generator) -> Texture:
         return Plain(colour, 0.04, 0.3, seed, gloss=0.02)
     if kind == 1:
         pair = np.stack([colour, colour * np.float32(rng.uniform(0.8, 0.93))])
-        direction = np.float32([0.7071, 0.7071, 0])
+        direction = np.array([0.7071, 0.7071, 0], dtype=np.float32)
         return Stripes(pair, direction, rng.uniform(0.08, 0.3), gloss=0.0)
     if kind == 2:
-        brick = np.clip(np.float32([0.62, 0.36, 0.28]) + rng.normal(0, 0.06, 3), 0, 1).astype(np.float32)
+        brick = np.clip(colours.rgb(0.62, 0.36, 0.28) + rng.normal(0, 0.06, 3), 0, 1).astype(np.float32)
         if rng.random() < 0.4:
             brick = colour
         return Tiles(brick, colours.grey(rng), (0.24, 0.075), 0.012, 0.5, 0.3, seed, gloss=0.0)
@@ -365,7 +363,7 @@ def _plant(rng: np.random.Generator) -> Furniture:
         long = rng.uniform(0.2, 0.5)
         leaf = ellipsoid((0.05, 0.012, long / 2), (0, 0, long / 2), 1)
         leaves.append(moved(leaf, turn, (0, 0, tall + rng.uniform(-0.05, 0.4))))
-    green = np.float32([rng.uniform(0.15, 0.35), rng.uniform(0.38, 0.55), rng.uniform(0.12, 0.28)])
+    green = colours.rgb(rng.uniform(0.15, 0.35), rng.uniform(0.38, 0.55), rng.uniform(0.12, 0.28))
     stem = tube(np.array([[0, 0, tall - 0.05], [0.01, 0, tall + 0.2], [0, 0.01, tall + 0.45]]), 0.012, 6)
     parts = (
         Part("pot", pot, finishes.ceramic(rng)),
@@ -417,7 +415,7 @@ def _floor_thing(rng: np.random.Generator) -> Furniture:
     width, depth, z = rng.uniform(0.3, 0.5), rng.uniform(0.25, 0.4), 0.0
     for _ in range(rng.integers(1, 4)):
         tall = rng.uniform(0.15, 0.35)
-        cardboard = np.clip(np.float32([0.66, 0.52, 0.37]) + rng.normal(0, 0.03, 3), 0, 1).astype(np.float32)
+        cardboard = np.clip(colours.rgb(0.66, 0.52, 0.37) + rng.normal(0, 0.03, 3), 0, 1).astype(np.float32)
         look: Texture = Plain(cardboard, 0.08, 0.02)
         if rng.random() < 0.5:
             look = Printed(

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sgbd.frame import SUPPORT, Intrinsics
-from sgbd.sources.synthetic import sensor
+from sgbd.sources.synthetic import colours, sensor
 from sgbd.sources.synthetic.physics import Pose, UnstableSimulationError, settle
 from sgbd.sources.synthetic.render import Camera, Light, Scene
 from sgbd.sources.synthetic.room import Placed, Room, random_room
@@ -64,7 +64,7 @@ class Arrangement:
 
 
 def arrange(categories: Sequence[str], objects: tuple[int, int], seed: np.random.SeedSequence) -> Arrangement:
-    """Draw objects and drop them on a table, again with another seed if the simulation blows up or too few stay.
+    """Draw objects and drop them on a table, anew if the simulation blows up or too few stay.
 
     Args:
         categories: Names to draw from.
@@ -79,7 +79,7 @@ def arrange(categories: Sequence[str], objects: tuple[int, int], seed: np.random
         rng = np.random.default_rng([*_words(seed), attempt])
         table = random_table(rng)
         count = int(rng.integers(objects[0], objects[1] + 1))
-        shapes = [SHAPES[categories[rng.integers(len(categories))]](rng) for _ in range(count)]
+        shapes = [SHAPES[categories[int(rng.integers(len(categories)))]](rng) for _ in range(count)]
         try:
             poses = settle(shapes, table, rng)
         except UnstableSimulationError as error:
@@ -90,8 +90,8 @@ def arrange(categories: Sequence[str], objects: tuple[int, int], seed: np.random
             return Arrangement(table, tuple(s for s, _ in kept), tuple(p for _, p in kept), attempt)
         reasons.append(f"only {len(kept)} of {count} objects stayed on the table")
     raise SceneError(
-        f"no scene with {objects[0]} to {objects[1]} objects came to rest in {ATTEMPTS} draws (the last: {reasons[-1]}); "
-        "ask for fewer objects"
+        f"no scene with {objects[0]} to {objects[1]} objects came to rest in {ATTEMPTS} draws; ask for fewer objects. "
+        f"The last draw: {reasons[-1]}"
     )
 
 
@@ -121,8 +121,10 @@ def photograph(
     lights, ambient = _lighting(room, arrangement.table, rng)
     look = _look(sensor_name, rng)
     pictures = []
-    for _ in range(views):
-        camera = _camera(scene, arrangement, room, resolution, rng)
+    first = rng.uniform(0, 2 * np.pi)
+    for k in range(views):
+        # The views go around the table, each somewhere in its own sector.
+        camera = _camera(scene, arrangement, room, resolution, (first + 2 * np.pi * k / views, np.pi / views), rng)
         pictures.append(_picture(scene, camera, lights, ambient, look, sensor_name, rng))
     return pictures
 
@@ -142,15 +144,15 @@ def _look(sensor_name: str, rng: np.random.Generator) -> _Look:
         blur=rng.uniform(0.6, 1.0) if real else 0.5,
         noise=rng.uniform(2.0, 5.0) if real else 0.0,
         tint=tint.astype(np.float32),
-        middle=float(np.exp(rng.uniform(np.log(0.14), np.log(0.34)))),
+        middle=float(np.exp(rng.uniform(np.log(0.12), np.log(0.32)))),
     )
 
 
 def _lighting(room: Room, table: Table, rng: np.random.Generator) -> tuple[list[Light], npt.NDArray[np.float32]]:
-    """Draw one to three lamps under the ceiling or at a window, and the light that the walls throw back."""
+    """Draw one or two lamps under the ceiling or at a window, and the light that the walls throw back."""
     top = np.array([0, 0, table.height])
     lights = []
-    count = int(rng.choice(3, p=(0.35, 0.45, 0.2))) + 1
+    count = 1 + int(rng.random() < 0.55)
     shares = rng.dirichlet(np.full(count, 2.0))
     for share in shares:
         if rng.random() < 0.7:
@@ -159,7 +161,7 @@ def _lighting(room: Room, table: Table, rng: np.random.Generator) -> tuple[list[
             place = np.array([*rng.uniform(room.low + 0.2, room.high - 0.2), rng.uniform(1.6, 2.2)])
             place[rng.integers(2)] *= 0.9
         warmth = rng.normal(0, 0.08)
-        colour = np.float32([1 + warmth, 1, 1 - warmth]) * np.float32(share)
+        colour = colours.rgb(1 + warmth, 1, 1 - warmth) * np.float32(share)
         lights.append(Light(place, rng.uniform(0.05, 0.45), colour, float(np.linalg.norm(place - top))))
     fill = rng.uniform(0.35, 0.8)
     ambient = np.stack([np.full(3, 0.55 * fill), np.full(3, fill)]) * (1 + rng.normal(0, 0.03, 3))
@@ -167,18 +169,31 @@ def _lighting(room: Room, table: Table, rng: np.random.Generator) -> tuple[list[
 
 
 def _camera(
-    scene: Scene, arrangement: Arrangement, room: Room, resolution: tuple[int, int], rng: np.random.Generator
+    scene: Scene,
+    arrangement: Arrangement,
+    room: Room,
+    resolution: tuple[int, int],
+    sector: tuple[float, float],
+    rng: np.random.Generator,
 ) -> Camera:
-    """Draw a viewpoint that sees several objects and has nothing right before it."""
+    """Draw a viewpoint that sees several objects and has nothing right before it.
+
+    Its direction lies in a sector (middle, half width; radians), or beyond it if nothing there will do.
+    """
     width, height = resolution
     intrinsics = Intrinsics.default(width, height)
     places = np.stack([pose.position for pose in arrangement.poses])
     wanted = min(len(places), 4)
     least = VISIBLE * (width * height) / (640 * 480)
     best: tuple[float, Camera] | None = None
-    for _ in range(30):
+    for attempt in range(30):
+        reach = sector[1] * (1 + attempt / 6)
         target = places.mean(axis=0) + rng.normal(0, 0.06, 3)
-        distance, elevation, azimuth = rng.uniform(0.7, 1.7), np.deg2rad(rng.uniform(18, 65)), rng.uniform(0, 2 * np.pi)
+        distance, elevation, azimuth = (
+            rng.uniform(0.7, 1.7),
+            np.deg2rad(rng.uniform(18, 65)),
+            sector[0] + rng.uniform(-reach, reach),
+        )
         away = [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
         position = target + distance * np.asarray(away)
         roll = np.deg2rad(rng.normal(0, 2.5))

@@ -14,8 +14,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import gaussian_filter, map_coordinates, maximum_filter, minimum_filter
 
-from sgbd.sources.synthetic.render import GAMMA
-
 Floats = npt.NDArray[np.float32]
 Bools = npt.NDArray[np.bool_]
 
@@ -61,9 +59,9 @@ class StructuredLight:
         rows, columns = np.indices(depth.shape, dtype=np.float32)
         shifts = [gaussian_filter(rng.standard_normal(depth.shape, dtype=np.float32), 1.2) for _ in range(2)]
         # The filter leaves a standard deviation of 1 / (2 sqrt(pi) sigma).
-        rows += shifts[0] * np.float32(self.jitter * 2 * np.sqrt(np.pi) * 1.2)
-        columns += shifts[1] * np.float32(self.jitter * 2 * np.sqrt(np.pi) * 1.2)
-        moved = map_coordinates(depth, [rows, columns], order=0, mode="nearest")
+        strength = np.float32(self.jitter * 2 * np.sqrt(np.pi) * 1.2)
+        places = [rows + strength * shifts[0], columns + strength * shifts[1]]
+        moved = map_coordinates(depth, places, order=0, mode="nearest")
         # The matching window sees a patch, not a point, but never mixes near and far.
         blurred = gaussian_filter(moved, 0.8)
         edge = depth_edges(moved)
@@ -126,19 +124,27 @@ def exposed(colour: Floats, weight: Floats, middle: float) -> Floats:
     Args:
         colour: float32 [H, W, 3], linear light.
         weight: float32 [H, W], how much a pixel counts.
-        middle: Linear brightness, 0 to 1, that the weighted mean of the logarithms gets.
+        middle: Linear brightness, 0 to 1, that the weighted mean of the logarithms gets, or less where more than a
+            twentieth of the weight would lie above 1.
 
     Returns:
-        float32 [H, W, 3], gamma encoded, 0 to 1.
+        float32 [H, W, 3], gamma encoded (exponent 2), 0 to 1.
     """
-    luminance = colour @ np.float32([0.2126, 0.7152, 0.0722])
-    mean = np.exp((np.log(luminance + np.float32(1e-4)) * weight).sum() / max(float(weight.sum()), 1e-6))
-    scaled = colour * np.float32(middle / max(float(mean), 1e-5))
+    # A fifteenth of the pixels is plenty for a mean.
+    sample, counts = colour[::4, ::4], weight[::4, ::4].ravel()
+    luminance = (sample @ np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)).ravel()
+    mean = np.exp(np.average(np.log(luminance + np.float32(1e-4)), weights=counts + np.float32(1e-6)))
+    order = np.argsort(luminance)
+    share = np.cumsum(counts[order])
+    bright = luminance[order][np.searchsorted(share, 0.95 * share[-1])]
+    gain = min(middle / max(float(mean), 1e-5), 1 / max(float(bright), 1e-5))
+    scaled = colour * np.float32(gain)
     # Linear up to the knee, then towards 1 without reaching it.
-    knee = np.float32(0.7)
+    knee = np.float32(0.6)
     over = np.maximum(scaled - knee, 0)
     rolled = np.minimum(scaled, knee) + (1 - knee) * over / (over + (1 - knee))
-    return rolled ** np.float32(1 / GAMMA)
+    # Textures are squared to make them linear, so that the root brings them back.
+    return np.sqrt(rolled)
 
 
 def photographed(

@@ -1,45 +1,229 @@
-"""Pixel passes of the renderer that are written as loops and compiled."""
+"""The renderer's compiled passes over pixels: surface points, secondary rays, smoothing of light, reflection."""
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from sgbd.compiled import compiled
+
 Floats = npt.NDArray[np.float32]
+Integers = npt.NDArray[np.int32]
 
 
-@numba.njit(cache=True)
-def edge_aware_mean(
-    values: Floats, part: npt.NDArray[np.int32], depth: Floats, normals: Floats, radius: int, out: Floats
+@compiled
+def surface_points(
+    eye: Floats,
+    rays: Floats,
+    lengths: Floats,
+    triangle: Integers,
+    u: Floats,
+    v: Floats,
+    geometric: Floats,
+    corner_normals: Floats,
+    triangle_part: Integers,
+    lift: float,
+    part: Integers,
+    depth: Floats,
+    points: Floats,
+    starts: Floats,
+    normals: Floats,
+    facing: Floats,
 ) -> None:
-    """Average noisy light over neighbours on the same smooth surface.
+    """Find point, normal and part under each ray.
+
+    Args:
+        eye: float32 [3], origin of the rays.
+        rays: float32 [n, 3], not normalised.
+        lengths: float32 [n], where each ray ends, in its own lengths.
+        triangle: int32 [n], which triangle it hits; -1 none.
+        u: float32 [n], barycentric weight of the triangle's second corner.
+        v: float32 [n], of its third.
+        geometric: float32 [n, 3], normal of the triangle, any length and side.
+        corner_normals: float32 [T, 3, 3], shading normals.
+        triangle_part: int32 [T].
+        lift: How far, relative to the depth (at least 1 m), secondary rays start above the surface.
+        part: int32 [n], written; -1 nothing.
+        depth: float32 [n], written; 0 nothing.
+        points: float32 [n, 3], written.
+        starts: float32 [n, 3], written: origins of secondary rays.
+        normals: float32 [n, 3], written: shading normals, on the eye's side.
+        facing: float32 [n], written: cosine of the angle of incidence.
+    """
+    for n in range(len(rays)):
+        t = triangle[n]
+        if t < 0:
+            part[n] = -1
+            depth[n] = 0
+            facing[n] = 0
+            points[n] = eye
+            starts[n] = eye
+            normals[n, 0], normals[n, 1], normals[n, 2] = 0, 0, 1
+            continue
+        part[n] = triangle_part[t]
+        z = lengths[n]
+        depth[n] = z
+        rx, ry, rz = rays[n, 0], rays[n, 1], rays[n, 2]
+        gx, gy, gz = geometric[n, 0], geometric[n, 1], geometric[n, 2]
+        scale = 1 / np.sqrt(max(gx * gx + gy * gy + gz * gz, np.float32(1e-30)))
+        towards = gx * rx + gy * ry + gz * rz
+        if towards > 0:
+            scale = -scale
+        gx, gy, gz = gx * scale, gy * scale, gz * scale
+        facing[n] = abs(towards * scale) / np.sqrt(rx * rx + ry * ry + rz * rz)
+        w = 1 - u[n] - v[n]
+        a = corner_normals[t]
+        nx = a[0, 0] * w + a[1, 0] * u[n] + a[2, 0] * v[n]
+        ny = a[0, 1] * w + a[1, 1] * u[n] + a[2, 1] * v[n]
+        nz = a[0, 2] * w + a[1, 2] * u[n] + a[2, 2] * v[n]
+        scale = 1 / np.sqrt(max(nx * nx + ny * ny + nz * nz, np.float32(1e-12)))
+        if nx * gx + ny * gy + nz * gz < 0:
+            scale = -scale
+        normals[n, 0], normals[n, 1], normals[n, 2] = nx * scale, ny * scale, nz * scale
+        above = lift * max(z, np.float32(1))
+        points[n, 0], points[n, 1], points[n, 2] = eye[0] + rx * z, eye[1] + ry * z, eye[2] + rz * z
+        starts[n, 0] = points[n, 0] + gx * above
+        starts[n, 1] = points[n, 1] + gy * above
+        starts[n, 2] = points[n, 2] + gz * above
+
+
+@compiled
+def rays_to_samples(starts: Floats, samples: Floats, width: int, tile: int, rays: Floats) -> None:
+    """Write the rays [n, 3] from each start to the sample [tile * tile, 3] of its pixel's place in the tile."""
+    for n in range(len(starts)):
+        sample = samples[(n // width % tile) * tile + n % width % tile]
+        for c in range(3):
+            rays[n, c] = sample[c] - starts[n, c]
+
+
+@compiled
+def rays_about_normals(normals: Floats, samples: Floats, width: int, tile: int, rays: Floats) -> None:
+    """Write the rays [n, 3] from each surface to a point of the unit sphere [tile * tile, 3] about its normal's tip."""
+    for n in range(len(normals)):
+        sample = samples[(n // width % tile) * tile + n % width % tile]
+        for c in range(3):
+            rays[n, c] = np.float32(1.001) * normals[n, c] + sample[c]
+
+
+@compiled
+def smooth_along_rows(values: Floats, part: Integers, depth: Floats, normals: Floats, radius: int, out: Floats) -> None:
+    """Average noisy light over neighbours in the row that lie on the same smooth surface.
 
     Args:
         values: float32 [H, W, C].
         part: int32 [H, W], which part each pixel shows; -1 nothing.
         depth: float32 [H, W], metres.
         normals: float32 [H, W, 3], unit length.
-        radius: Half side of the square window, pixels.
+        radius: Pixels to each side.
         out: float32 [H, W, C], written.
     """
     height, width, channels = values.shape
-    total = np.empty(channels, dtype=np.float32)
     for i in range(height):
         for j in range(width):
-            total[:] = 0
-            weight = np.float32(0)
             here, z = part[i, j], depth[i, j]
             nx, ny, nz = normals[i, j, 0], normals[i, j, 1], normals[i, j, 2]
-            for y in range(max(0, i - radius), min(height, i + radius + 1)):
-                for x in range(max(0, j - radius), min(width, j + radius + 1)):
-                    if part[y, x] != here or abs(depth[y, x] - z) > np.float32(0.03) * z:
-                        continue
-                    alike = nx * normals[y, x, 0] + ny * normals[y, x, 1] + nz * normals[y, x, 2]
-                    if alike < np.float32(0.8):
-                        continue
-                    weight += 1
-                    for c in range(channels):
-                        total[c] += values[y, x, c]
+            weight = np.float32(0)
             for c in range(channels):
-                out[i, j, c] = total[c] / weight
+                out[i, j, c] = 0
+            for x in range(max(0, j - radius), min(width, j + radius + 1)):
+                if part[i, x] != here or abs(depth[i, x] - z) > np.float32(0.03) * z:
+                    continue
+                if nx * normals[i, x, 0] + ny * normals[i, x, 1] + nz * normals[i, x, 2] < np.float32(0.8):
+                    continue
+                weight += 1
+                for c in range(channels):
+                    out[i, j, c] += values[i, x, c]
+            for c in range(channels):
+                out[i, j, c] /= weight
+
+
+@compiled
+def smooth_along_columns(
+    values: Floats, part: Integers, depth: Floats, normals: Floats, radius: int, out: Floats
+) -> None:
+    """Do as `smooth_along_rows`, along the columns."""
+    height, width, channels = values.shape
+    for i in range(height):
+        for j in range(width):
+            here, z = part[i, j], depth[i, j]
+            nx, ny, nz = normals[i, j, 0], normals[i, j, 1], normals[i, j, 2]
+            weight = np.float32(0)
+            for c in range(channels):
+                out[i, j, c] = 0
+            for y in range(max(0, i - radius), min(height, i + radius + 1)):
+                if part[y, j] != here or abs(depth[y, j] - z) > np.float32(0.03) * z:
+                    continue
+                if nx * normals[y, j, 0] + ny * normals[y, j, 1] + nz * normals[y, j, 2] < np.float32(0.8):
+                    continue
+                weight += 1
+                for c in range(channels):
+                    out[i, j, c] += values[y, j, c]
+            for c in range(channels):
+                out[i, j, c] /= weight
+
+
+@compiled
+def reflected_light(
+    eye: Floats,
+    points: Floats,
+    normals: Floats,
+    surface: Floats,
+    gloss: Floats,
+    visible: Floats,
+    places: Floats,
+    lights: Floats,
+    reaches: Floats,
+    ambient: Floats,
+    out: Floats,
+) -> None:
+    """Add up what each point reflects: ambient light, and of each lamp the diffuse part and a highlight (Blinn-Phong).
+
+    Args:
+        eye: float32 [3].
+        points: float32 [n, 3].
+        normals: float32 [n, 3], unit length.
+        surface: float32 [n, 3], the surfaces' colours, gamma encoded with an exponent of 2, 0 to 1.
+        gloss: float32 [n], 0 to 1.
+        visible: float32 [n, L + 1], share of each lamp that is seen, and of the open surroundings.
+        places: float32 [L, 3], of the lamps.
+        lights: float32 [L, 3], irradiance from `reaches` metres.
+        reaches: float32 [L].
+        ambient: float32 [2, 3], from below and from above.
+        out: float32 [n, 3], written: linear light.
+    """
+    lamps = len(places)
+    for n in range(len(points)):
+        nx, ny, nz = normals[n, 0], normals[n, 1], normals[n, 2]
+        ex, ey, ez = eye[0] - points[n, 0], eye[1] - points[n, 1], eye[2] - points[n, 2]
+        scale = 1 / np.sqrt(max(ex * ex + ey * ey + ez * ez, np.float32(1e-12)))
+        ex, ey, ez = ex * scale, ey * scale, ez * scale
+        r = min(max(surface[n, 0], np.float32(0.02)), np.float32(1)) ** 2
+        g = min(max(surface[n, 1], np.float32(0.02)), np.float32(1)) ** 2
+        b = min(max(surface[n, 2], np.float32(0.02)), np.float32(1)) ** 2
+        up = np.float32(0.5) + np.float32(0.5) * nz
+        openness = np.float32(0.12) + np.float32(0.88) * visible[n, lamps]
+        red = (ambient[0, 0] * (1 - up) + ambient[1, 0] * up) * openness * r
+        green = (ambient[0, 1] * (1 - up) + ambient[1, 1] * up) * openness * g
+        blue = (ambient[0, 2] * (1 - up) + ambient[1, 2] * up) * openness * b
+        for k in range(lamps):
+            lx, ly, lz = places[k, 0] - points[n, 0], places[k, 1] - points[n, 1], places[k, 2] - points[n, 2]
+            square = max(lx * lx + ly * ly + lz * lz, np.float32(1e-6))
+            strength = visible[n, k] * reaches[k] * reaches[k] / square
+            if strength <= 0:
+                continue
+            scale = 1 / np.sqrt(square)
+            lx, ly, lz = lx * scale, ly * scale, lz * scale
+            diffuse = strength * max(nx * lx + ny * ly + nz * lz, np.float32(0))
+            red += diffuse * lights[k, 0] * r
+            green += diffuse * lights[k, 1] * g
+            blue += diffuse * lights[k, 2] * b
+            if gloss[n] > 0:
+                hx, hy, hz = lx + ex, ly + ey, lz + ez
+                scale = 1 / np.sqrt(max(hx * hx + hy * hy + hz * hz, np.float32(1e-12)))
+                glint = (nx * hx + ny * hy + nz * hz) * scale
+                if glint > np.float32(0.6):
+                    shine = strength * np.float32(0.45) * gloss[n] * glint ** (8 + 90 * gloss[n])
+                    red += shine * lights[k, 0]
+                    green += shine * lights[k, 1]
+                    blue += shine * lights[k, 2]
+        out[n, 0], out[n, 1], out[n, 2] = red, green, blue

@@ -47,7 +47,7 @@ def random_table(rng: np.random.Generator) -> Table:
     top_texture = _top_texture(rng)
     leg_texture = finishes.wooden(rng, 2) if rng.random() < 0.5 else finishes.plastic(rng, colours.grey(rng))
     if is_round:
-        diameter = rng.uniform(0.95, 1.5)
+        diameter = rng.uniform(1.1, 1.6)
         size = (diameter, diameter)
         radius = diameter / 2
         profile = [
@@ -63,7 +63,7 @@ def random_table(rng: np.random.Generator) -> Table:
         foot = moved(lathe([(0, 0), (0.55 * radius, 0), (0.5 * radius, 0.03), (0.06, 0.06), (0, 0.06)], 32))
         parts.append(Part("foot", foot, leg_texture))
     else:
-        size = (rng.uniform(1.0, 2.0), rng.uniform(0.8, 1.2))
+        size = (rng.uniform(1.1, 2.0), rng.uniform(0.9, 1.3))
         parts = [Part("top", box((*size, thick), (0, 0, height - thick / 2), 0.004), top_texture)]
         leg, inset = rng.uniform(0.04, 0.08), 0.08
         for x in (-1, 1):
@@ -83,7 +83,7 @@ def _top_texture(rng: np.random.Generator) -> Texture:
         return Wood(colours.wood(rng), 0, board, 2.5, rng.uniform(0.2, 0.6), seed, gloss=rng.uniform(0.05, 0.35))
     if kind == 1:
         light, dark = colours.light(rng), colours.muted(rng)
-        size = rng.uniform(0.05, 0.2)
+        size = rng.uniform(0.02, 0.06)
         return Speckled(
             np.stack([light, 0.6 * light + 0.4 * dark]), (size, size, size), rng.uniform(0, 0.4), seed, gloss=0.4
         )

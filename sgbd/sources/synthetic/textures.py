@@ -69,9 +69,10 @@ class Plain(Texture):
     seed: int = 0
 
     def __call__(self, points: Floats, normals: Floats) -> Floats:
+        """Return the colour of surface points."""
         if self.grain == 0:
             return np.broadcast_to(self.colour, points.shape).astype(np.float32)
-        noise = fractal_noise(points / np.float32(self.scale), 2, self.seed)
+        noise = fractal_noise((points / self.scale).astype(np.float32), 2, self.seed)
         return self.colour * (1 + np.float32(2 * self.grain) * (noise[:, None] - np.float32(0.5)))
 
 
@@ -92,7 +93,8 @@ class Speckled(Texture):
     seed: int = 0
 
     def __call__(self, points: Floats, normals: Floats) -> Floats:
-        noise = fractal_noise(points / np.asarray(self.scale, dtype=np.float32), 4, self.seed)
+        """Return the colour of surface points."""
+        noise = fractal_noise((points / np.asarray(self.scale)).astype(np.float32), 4, self.seed)
         steepness = np.float32(2 + 14 * self.contrast)
         mix = np.clip((noise - np.float32(0.5)) * steepness + np.float32(0.5), 0, 1)[:, None]
         return self.colours[0] * (1 - mix) + self.colours[1] * mix
@@ -115,6 +117,7 @@ class Stripes(Texture):
     phase: float = 0.0
 
     def __call__(self, points: Floats, normals: Floats) -> Floats:
+        """Return the colour of surface points."""
         if self.direction is None:
             along = np.arctan2(points[:, 1], points[:, 0])
         else:
@@ -138,6 +141,7 @@ class Checks(Texture):
     woven: bool = False
 
     def __call__(self, points: Floats, normals: Floats) -> Floats:
+        """Return the colour of surface points."""
         cell = np.floor(face_coordinates(points, normals) / np.float32(self.size)).astype(np.int64) & 1
         share = cell.sum(axis=1) / 2 if self.woven else (cell[:, 0] ^ cell[:, 1])
         mix = share.astype(np.float32)[:, None]
@@ -165,6 +169,7 @@ class Wood(Texture):
     seed: int = 0
 
     def __call__(self, points: Floats, normals: Floats) -> Floats:
+        """Return the colour of surface points."""
         stretched = points / np.float32(0.012)
         stretched[:, self.along] *= np.float32(0.06)
         grain = fractal_noise(stretched, 3, self.seed)
@@ -213,6 +218,7 @@ class Tiles(Texture):
     seed: int = 0
 
     def __call__(self, points: Floats, normals: Floats) -> Floats:
+        """Return the colour of surface points."""
         place = face_coordinates(points, normals)
         row = np.floor(place[:, 1] / np.float32(self.size[1]))
         shifted = place[:, 0] + np.float32(self.offset * self.size[0]) * (row % 2)
@@ -221,8 +227,8 @@ class Tiles(Texture):
         grain = fractal_noise(points / np.float32(0.03), 3, self.seed)
         shade = 1 + np.float32(self.variety) * (tint - 0.5) + np.float32(0.12) * (grain - 0.5)
         gap = np.minimum(_edge_distance(shifted, self.size[0]), _edge_distance(place[:, 1], self.size[1]))
-        joint = np.clip(gap / np.float32(self.joint / 2), 0, 1)[:, None]
-        return self.joint_colour * (1 - joint) + self.colour * shade[:, None] * joint
+        tile = np.clip(gap / np.float32(self.joint / 2), 0, 1).astype(np.float32)[:, None]
+        return self.joint_colour * (1 - tile) + self.colour * shade.astype(np.float32)[:, None] * tile
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,6 +246,7 @@ class Bands(Texture):
     axis: int = 2
 
     def __call__(self, points: Floats, normals: Floats) -> Floats:
+        """Return the colour of surface points."""
         which = np.searchsorted(np.asarray(self.heights, dtype=np.float32), points[:, self.axis])
         colours = np.empty(points.shape, dtype=np.float32)
         for k, texture in enumerate(self.textures):
@@ -269,6 +276,7 @@ class Printed(Texture):
     high: tuple[float, float]
 
     def __call__(self, points: Floats, normals: Floats) -> Floats:
+        """Return the colour of surface points."""
         width, height = self.high[0] - self.low[0], self.high[1] - self.low[1]
         if self.mapping == "around":
             place = np.stack([np.arctan2(points[:, 1], points[:, 0]), points[:, 2]], axis=1)

@@ -104,8 +104,8 @@ def bag(rng: np.random.Generator) -> Shape:
         narrow = rng.uniform(0.25, 0.7)
         flare = rng.uniform(0.8, 1.08)
         lower = frustum((width * 0.94, depth * 0.9), (width, depth), 0.12 * height)
-        upper = frustum((width, depth), (width * flare, depth * narrow), 0.88 * height)
-        points = np.concatenate([lower, upper + [0, 0, 0.12 * height]])
+        upper = frustum((width, depth), (width * flare, depth * narrow), 0.88 * height, at=(0, 0, 0.12 * height))
+        points = np.concatenate([lower, upper])
         parts = [Part("body", hull(_rounded(points, 0.012)), body)]
         edge = Part(
             "hem", box((width * flare * 0.98, depth * narrow + 0.006, 0.014), (0, 0, height + 0.008), 0.003), trim
@@ -124,8 +124,8 @@ def bag(rng: np.random.Generator) -> Shape:
                 [[x * width * 0.42, y * depth * 0.4, height] for x in (-1, 1) for y in (-1, 1)],
             ]
         )
-        pocket = frustum((width * 0.75, depth * 0.45), (width * 0.7, depth * 0.3), 0.45 * height)
-        pocket = pocket + [0, -depth * 0.65, 0.06 * height]
+        front = (0, -depth * 0.65, 0.06 * height)
+        pocket = frustum((width * 0.75, depth * 0.45), (width * 0.7, depth * 0.3), 0.45 * height, at=front)
         parts = [
             Part("body", hull(_rounded(shell, 0.02)), body),
             Part("pocket", hull(_rounded(pocket, 0.01)), trim),
@@ -313,14 +313,14 @@ def mug(rng: np.random.Generator) -> Shape:
         hollow([(foot, 0), (radius, height)], [(foot - wall - 0.002, 0.008), (radius - wall - 0.002, height)], 8)
     )
     outer = radius + reach
-    for z in (0.52 * height - drop, 0.52 * height + drop):
-        solids.append(solid_box((reach + thickness, 2.2 * thickness, 2 * thickness), (radius + reach / 2, 0, z)))
+    bar = (reach + thickness, 2.2 * thickness, 2 * thickness)
+    solids += [solid_box(bar, (radius + reach / 2, 0, 0.52 * height + s * drop)) for s in (-1, 1)]
     solids.append(solid_box((2 * thickness, 2.2 * thickness, 1.5 * drop), (outer, 0, 0.52 * height)))
     return assemble("mug", parts, solids, upright=0.65)
 
 
 def pot(rng: np.random.Generator) -> Shape:
-    """A cooking pot with two loop handles or one long one, with or without a lid, or a plant pot with a saucer's rim."""
+    """A cooking pot with two loop handles or one long one, with or without a lid."""
     radius = rng.uniform(0.07, 0.12)
     height = radius * rng.uniform(0.75, 1.4)
     wall = rng.uniform(0.003, 0.006)

@@ -196,7 +196,7 @@ def printer(rng: np.random.Generator) -> Shape:
             finishes.plastic(rng, colours.dark(rng)),
         )
     )
-    paper = Plain(np.float32([0.95, 0.95, 0.94]), 0.01)
+    paper = Plain(colours.rgb(0.95, 0.95, 0.94), 0.01)
     parts.append(Part("sheet", box((0.62 * width, reach, 0.003), (0, front - reach / 2 + 0.01, tray_z + 0.006)), paper))
     buttons = prints.keypad(rng, 4, 1, colours.dark(rng), 24)
     strip = Printed(buttons, Plain(colours.dark(rng)), "+z", (0.2 * width, -0.1 * depth), (0.44 * width, -0.02 * depth))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import trimesh
 
 from sgbd.sources.synthetic import colours, finishes, prints
 from sgbd.sources.synthetic.meshes import (
@@ -62,8 +63,8 @@ def camera(rng: np.random.Generator) -> Shape:
         Part("lens", lens, finishes.plastic(rng, colours.dark(rng)) if rng.random() < 0.7 else finishes.metallic(rng))
     )
     glass = ellipsoid((0.64 * radius, 0.2 * radius, 0.64 * radius), (x, front - 0.76 * long, 0.46 * height), 2)
-    parts.append(Part("glass", glass, Plain(np.float32([0.12, 0.1, 0.22]), 0.0, gloss=1.0)))
-    hump = frustum((0.36 * width, 0.95 * depth), (0.2 * width, 0.6 * depth), 0.22 * height) + [x, 0, height - 0.002]
+    parts.append(Part("glass", glass, Plain(colours.rgb(0.12, 0.1, 0.22), 0.0, gloss=1.0)))
+    hump = frustum((0.36 * width, 0.95 * depth), (0.2 * width, 0.6 * depth), 0.22 * height, at=(x, 0, height - 0.002))
     parts.append(Part("viewfinder", hull(hump), top))
     button = cylinder(0.05 * width, 0.05 * height + 0.008, (0.36 * width, 0, height + 0.004), sections=16)
     parts.append(Part("shutter", button, finishes.metallic(rng)))
@@ -193,7 +194,8 @@ def clock(rng: np.random.Generator) -> Shape:
         if kind == 2:
             points = frustum((width, depth), (width, depth), middle)
             crown = arc((0, 0, middle), (width / 2, width / 2), 0, np.pi, "xz", 13)
-            points = np.concatenate([points, crown + [0, depth / 2, 0], crown - [0, depth / 2, 0]])
+            half = np.array([0, depth / 2, 0])
+            points = np.concatenate([points, crown + half, crown - half])
             plinth = box((1.2 * width, 1.3 * depth, 0.14 * radius), (0, 0, 0.07 * radius), 0.003)
             parts.append(Part("plinth", plinth, body))
             solids.append(solid_box((1.2 * width, 1.3 * depth, 0.14 * radius), (0, 0, 0.07 * radius)))
@@ -257,7 +259,8 @@ def computer_keyboard(rng: np.random.Generator) -> Shape:
     gap = rng.uniform(0.1, 0.2)
     rise = rng.uniform(0.004, 0.008)
     number_block = rng.random() < 0.7
-    keys, special = [], []
+    keys: list[trimesh.Trimesh] = []
+    special: list[trimesh.Trimesh] = []
     for row in range(rows):
         y = -area[1] / 2 + (row + 0.5) * pitch[1]
         z = thick + slope * (y + depth / 2) / depth
@@ -277,8 +280,8 @@ def computer_keyboard(rng: np.random.Generator) -> Shape:
                     ((span - gap) * pitch[0], (1 - gap) * pitch[1]),
                     ((span - 2.2 * gap) * pitch[0], (1 - 2.2 * gap) * pitch[1]),
                     rise,
+                    at=(x, y, z - 0.001),
                 )
-                + [x, y, z - 0.001]
             )
             (special if span > 1 and rng.random() < 0.6 else keys).append(cap)
             column += span

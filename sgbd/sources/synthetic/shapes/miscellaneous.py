@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
+import trimesh
 
 from sgbd.sources.synthetic import colours, finishes, prints
 from sgbd.sources.synthetic.meshes import (
@@ -11,7 +14,6 @@ from sgbd.sources.synthetic.meshes import (
     cushion,
     cylinder,
     ellipsoid,
-    frustum,
     hull,
     joined,
     lathe,
@@ -42,7 +44,7 @@ def birdhouse(rng: np.random.Generator) -> Shape:
     roof: Texture = finishes.wooden(rng, 1) if rng.random() < 0.5 else finishes.plastic(rng)
     if rng.random() < 0.3:
         pair = np.stack([colours.any_colour(rng), colours.any_colour(rng)])
-        wall = Stripes(pair, np.float32([0, 0, 1]), rng.uniform(0.02, 0.05), gloss=0.1)
+        wall = Stripes(pair, np.array([0, 0, 1], dtype=np.float32), rng.uniform(0.02, 0.05), gloss=0.1)
     front = -depth / 2
     gable = np.array(
         [[x * width / 2, y * depth / 2, z] for x in (-1, 1) for y in (-1, 1) for z in (0, eaves)]
@@ -114,13 +116,9 @@ def cap(rng: np.random.Generator) -> Shape:
         )
     )
     edge = -0.72 * radius * squash
-    for s in (-1, 0, 1):
-        solids.append(
-            solid_box(
-                (0.6 * radius, reach, 0.008),
-                (s * 0.55 * radius, edge - 0.42 * reach + (0.12 * reach if s else 0), -bend * 0.45 if s else 0.0),
-            )
-        )
+    for side, y, z in ((-1, 0.3, 0.45), (0, 0.42, 0.0), (1, 0.3, 0.45)):
+        plate = solid_box((0.6 * radius, reach, 0.008), (side * 0.55 * radius, edge - y * reach, -z * bend))
+        solids.append(plate)
     return assemble("cap", parts, solids, upright=0.75)
 
 
@@ -138,7 +136,9 @@ def helmet(rng: np.random.Generator) -> Shape:
     texture: Texture = main
     if rng.random() < 0.4:
         pair = np.stack([colours.any_colour(rng), colours.any_colour(rng)])
-        texture = Stripes(pair, np.float32([1, 0, 0]), rng.uniform(0.6, 1.3) * radius, rng.random(), gloss=0.5)
+        texture = Stripes(
+            pair, np.array([1, 0, 0], dtype=np.float32), rng.uniform(0.6, 1.3) * radius, rng.random(), gloss=0.5
+        )
     elif rng.random() < 0.3:
         pair = np.stack([colours.any_colour(rng), colours.any_colour(rng)])
         texture = Speckled(pair, (0.03, 0.03, 0.03), 0.8, finishes.seed_of(rng), gloss=0.2)
@@ -186,8 +186,8 @@ def helmet(rng: np.random.Generator) -> Shape:
         )
         around = np.linspace(-0.5 * np.pi - 1.0, -0.5 * np.pi + 1.0, 11)
         panes = []
-        for left, right in zip(around[:-1], around[1:], strict=True):
-            for low, high in zip(band[:-1], band[1:], strict=True):
+        for left, right in pairwise(around):
+            for low, high in pairwise(band):
                 corners = [
                     (k * r * np.cos(t), k * r * squash * np.sin(t), z)
                     for t in (left, right)
@@ -225,7 +225,7 @@ def knife(rng: np.random.Generator) -> Shape:
     outline = [(0, -deep / 2), (0, deep / 2), (knee * blade, deep / 2), (blade, tip), (0.95 * knee * blade, -deep / 2)]
     middle = grip_thick / 2
     points = [(x, y, middle + s * thick / 2 * (1.0 if y > 0 else 0.25)) for x, y in outline for s in (-1, 1)]
-    steel = Plain(np.float32([0.78, 0.79, 0.81]), 0.05, 0.01, finishes.seed_of(rng), gloss=0.9)
+    steel = Plain(colours.rgb(0.78, 0.79, 0.81), 0.05, 0.01, finishes.seed_of(rng), gloss=0.9)
     grip: Texture = finishes.wooden(rng, 0) if rng.random() < 0.5 else finishes.plastic(rng)
     bow = rng.uniform(-0.2, 0.2) * grip_deep
     back = np.array([[-0.004, 0, middle], [-0.5 * grip_length, bow, middle], [-grip_length, 1.3 * bow, middle]])
@@ -273,8 +273,8 @@ def pillow(rng: np.random.Generator) -> Shape:
     return assemble("pillow", parts, [solid_hull(points)], upright=0.7)
 
 
-def _peak(half_width: float, edge: float, reach: float, bend: float) -> object:
-    """Return the curved plate of a cap's peak: it starts at y = edge, ends at edge - reach, and hangs down at the sides."""
+def _peak(half_width: float, edge: float, reach: float, bend: float) -> trimesh.Trimesh:
+    """Return the curved plate of a peak, from y = edge to edge - reach, which hangs down at its sides."""
     steps = 13
     x = np.linspace(-1, 1, steps)
     front = edge - reach * np.sqrt(np.clip(1 - x**2, 0, 1))

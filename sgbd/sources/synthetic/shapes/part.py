@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -35,8 +36,8 @@ class Solid:
 
     Attributes:
         kind: `box`, `cylinder`, `capsule`, `ellipsoid` or `hull`.
-        size: Half lengths [3] of a box or ellipsoid; (radius, half height) of a cylinder or capsule; points [n, 3] of a
-            hull. Metres.
+        size: Half lengths [3] of a box or ellipsoid; (radius, half height) of a cylinder or capsule; points [n, 3]
+            of a hull. Metres.
         centre: Place in the object's frame.
         turn: Rotation [3, 3] in the object's frame.
     """
@@ -54,7 +55,7 @@ class Shape:
     Attributes:
         category: Name of its category.
         parts: What is seen.
-        solids: What collides. They follow the parts closely, so that what touches in the physics touches in the picture.
+        solids: What collides. They follow the parts closely, so that what touches there touches in the picture.
         upright: Probability that it is dropped standing up.
     """
 
@@ -108,7 +109,7 @@ def hollow(outer: npt.ArrayLike, inner: npt.ArrayLike, sections: int = 10) -> tu
     # The wedge's flat outer side would lie inside of the circle: push its corners out to the same mean radius.
     swell = 0.5 * (1 + 1 / np.cos(np.pi / sections))
     solids = []
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         points = [
             (r * k * np.cos(t), r * k * np.sin(t), z)
             for t in (a, b)
@@ -156,4 +157,5 @@ class Shifted(Texture):
     shift: npt.NDArray[np.float32]
 
     def __call__(self, points: npt.NDArray[np.float32], normals: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """Return the colour of surface points."""
         return self.texture(points + self.shift, normals)
