@@ -169,6 +169,11 @@ class Trainer:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < least:
                 raise ValueError(f"trainer.{name} must be an integer of at least {least}; got {value!r}")
+        if "fork" in self.strategy and self.threads > 1:
+            raise ValueError(
+                f"trainer.threads must be 1 with trainer.strategy={self.strategy}; got {self.threads}. The pool of "
+                "OpenMP's threads does not survive a fork, and the processes would wait for it forever."
+            )
         if self.patience is not None and self.patience < 1:
             raise ValueError(f"trainer.patience must be at least 1, or null to train all epochs; got {self.patience!r}")
         if self.gradient_clip_norm is not None and not self.gradient_clip_norm > 0:

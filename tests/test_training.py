@@ -337,6 +337,7 @@ def test_a_recipe_that_cannot_be_written_fails_before_training(tmp_path: Path) -
         {"batch_size": 2.5},
         {"seed": -1},
         {"num_workers": -1},
+        {"threads": 2, "strategy": "ddp_fork"},
         {"patience": 0},
         {"gradient_clip_norm": 0.0},
         {"objectness_weight": -1.0},

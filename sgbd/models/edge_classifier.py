@@ -110,10 +110,10 @@ class EdgeClassifier(nn.Module, ABC):
         return (logits[:count] + logits[count:]) / 2
 
     def _states(self, nodes: Tensor, edges: Tensor, edge_index: Tensor, pairs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        source, target = nodes[pairs[0]], nodes[pairs[1]]
+        source, target = nodes.index_select(0, pairs[0]), nodes.index_select(0, pairs[1])
         if edges.size(1) == 0:
             return source, target, edges.new_empty(pairs.size(1), 0)
-        return source, target, edges[edge_positions(edge_index, pairs, nodes.size(0))]
+        return source, target, edges.index_select(0, edge_positions(edge_index, pairs, nodes.size(0)))
 
     @staticmethod
     def _check_width(field: str, rows: Tensor | None, expected: int, group: str) -> None:

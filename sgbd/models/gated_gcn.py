@@ -50,11 +50,17 @@ class GatedConvolution(nn.Module):
             New node states [N, C] and edge states [2E, C].
         """
         neighbour, centre = edge_index
+        # index_select, because the gradient of plain indexing is several times slower on a CPU.
         at_centre, at_neighbour, own, message = self.node_linear(nodes).chunk(4, dim=1)
-        gate_logits = at_centre[centre] + at_neighbour[neighbour] + self.edge_linear(edges)
+        gate_logits = (
+            at_centre.index_select(0, centre) + at_neighbour.index_select(0, neighbour) + self.edge_linear(edges)
+        )
         gates = torch.sigmoid(gate_logits)
         gathered = scatter(
-            torch.cat([gates * message[neighbour], gates], dim=1), centre, dim_size=nodes.size(0), reduce="sum"
+            torch.cat([gates * message.index_select(0, neighbour), gates], dim=1),
+            centre,
+            dim_size=nodes.size(0),
+            reduce="sum",
         )
         weighted, total = gathered.chunk(2, dim=1)
         node_update = self.node_norm(own + weighted / (total + 1e-6))
