@@ -50,7 +50,7 @@ class GatedConvolution(nn.Module):
             New node states [N, C] and edge states [2E, C].
         """
         neighbour, centre = edge_index
-        # index_select, because the gradient of plain indexing is several times slower on a CPU.
+        # index_select, because the gradient of plain indexing takes twice as long on a CPU.
         at_centre, at_neighbour, own, message = self.node_linear(nodes).chunk(4, dim=1)
         gate_logits = (
             at_centre.index_select(0, centre) + at_neighbour.index_select(0, neighbour) + self.edge_linear(edges)
