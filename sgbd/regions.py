@@ -103,16 +103,17 @@ def _sum_regions_compiled(label_map, rgb, depth, camera, count):  # type: ignore
     height, width = label_map.shape
     sums = np.zeros((count, SUMS))
     fx, fy, cx, cy = camera
-    run = np.zeros(SUMS)
+    x_slopes = (np.arange(width) - cx) / fx
     for row in range(height):
         y_slope = (row - cy) / fy
         column = 0
         while column < width:
-            # Pixels of one superpixel come in runs: sum a run in registers, then add it once.
+            # Pixels of one superpixel come in runs: sum a run in registers, then add it once. Missing depth is 0 and
+            # adds nothing but to the count; Y is y_slope * Z throughout the row, so that its sums need no loop.
             region = label_map[row, column]
-            run[:] = 0.0
             first = column
-            red = green = blue = red_squared = green_squared = blue_squared = 0
+            red = green = blue = red_squared = green_squared = blue_squared = valid = 0
+            x_sum = z_sum = xx_sum = xz_sum = zz_sum = 0.0
             while column < width and label_map[row, column] == region:
                 r, g, b = int(rgb[row, column, 0]), int(rgb[row, column, 1]), int(rgb[row, column, 2])
                 red += r
@@ -122,28 +123,34 @@ def _sum_regions_compiled(label_map, rgb, depth, camera, count):  # type: ignore
                 green_squared += g * g
                 blue_squared += b * b
                 z = np.float64(depth[row, column])
-                if z > 0:
-                    x = (column - cx) / fx * z
-                    y = y_slope * z
-                    run[VALID] += 1
-                    run[XYZ] += x
-                    run[XYZ + 1] += y
-                    run[XYZ + 2] += z
-                    run[XYZ_SQUARED] += x * x
-                    run[XYZ_SQUARED + 1] += x * y
-                    run[XYZ_SQUARED + 2] += x * z
-                    run[XYZ_SQUARED + 3] += y * y
-                    run[XYZ_SQUARED + 4] += y * z
-                    run[XYZ_SQUARED + 5] += z * z
+                x = x_slopes[column] * z
+                valid += z > 0
+                x_sum += x
+                z_sum += z
+                xx_sum += x * x
+                xz_sum += x * z
+                zz_sum += z * z
                 column += 1
             length = column - first
-            run[PIXELS] = length
-            run[RGB], run[RGB + 1], run[RGB + 2] = red, green, blue
-            run[RGB_SQUARED], run[RGB_SQUARED + 1], run[RGB_SQUARED + 2] = red_squared, green_squared, blue_squared
-            run[ROW] = row * length
-            run[COLUMN] = length * (first + column - 1) / 2
-            for k in range(SUMS):
-                sums[region, k] += run[k]
+            sums[region, PIXELS] += length
+            sums[region, RGB] += red
+            sums[region, RGB + 1] += green
+            sums[region, RGB + 2] += blue
+            sums[region, RGB_SQUARED] += red_squared
+            sums[region, RGB_SQUARED + 1] += green_squared
+            sums[region, RGB_SQUARED + 2] += blue_squared
+            sums[region, ROW] += row * length
+            sums[region, COLUMN] += length * (first + column - 1) / 2
+            sums[region, VALID] += valid
+            sums[region, XYZ] += x_sum
+            sums[region, XYZ + 1] += y_slope * z_sum
+            sums[region, XYZ + 2] += z_sum
+            sums[region, XYZ_SQUARED] += xx_sum
+            sums[region, XYZ_SQUARED + 1] += y_slope * xz_sum
+            sums[region, XYZ_SQUARED + 2] += xz_sum
+            sums[region, XYZ_SQUARED + 3] += y_slope * y_slope * zz_sum
+            sums[region, XYZ_SQUARED + 4] += y_slope * zz_sum
+            sums[region, XYZ_SQUARED + 5] += zz_sum
     return sums
 
 
@@ -176,71 +183,65 @@ def sum_regions_numpy(
 
 @compiled
 def _sum_borders_compiled(label_map, rgb, depth, count):  # type: ignore[no-untyped-def]
-    height, width = label_map.shape
-    # Connected regions in a plane have fewer than three borders each; the table grows for maps that break that rule.
+    width = label_map.shape[1]
+    steps = _steps_across_borders(label_map)
+    # An open-addressing hash table from border keys to rows of sums. There are no more borders than steps across them,
+    # so that it is never more than half full and no array changes in the loop, which compilers reward.
     capacity = 16
-    while capacity < 8 * count:
+    while capacity < 2 * len(steps):
         capacity *= 2
-    table, keys, sums, used = _empty_table(capacity)
+    table = np.full(capacity, -1)
+    keys, sums = np.empty(len(steps), np.int64), np.zeros((len(steps), BORDER_SUMS))
+    used = 0
+    for step in steps:
+        pixel, down = step >> 1, step & 1
+        row, column = pixel // width, pixel % width
+        next_row, next_column = row + down, column + 1 - down
+        a, b = label_map[row, column], label_map[next_row, next_column]
+        key = np.int64(min(a, b)) * count + max(a, b)
+        slot = (key * 0x9E3779B1 >> 7) & (capacity - 1)
+        while table[slot] >= 0 and keys[table[slot]] != key:
+            slot = (slot + 1) & (capacity - 1)
+        border = table[slot]
+        if border < 0:
+            border = used
+            table[slot] = used
+            keys[used] = key
+            used += 1
+        distance = 0
+        for k in range(3):
+            difference = int(rgb[row, column, k]) - int(rgb[next_row, next_column, k])
+            distance += difference * difference
+        sums[border, PAIRS] += 1
+        sums[border, COLOR_STEP] += np.sqrt(np.float64(distance))
+        z, next_z = np.float64(depth[row, column]), np.float64(depth[next_row, next_column])
+        if z > 0 and next_z > 0:
+            jump = abs(z - next_z)
+            if sums[border, VALID_PAIRS] == 0 or jump < sums[border, DEPTH_STEP_MIN]:
+                sums[border, DEPTH_STEP_MIN] = jump
+            sums[border, VALID_PAIRS] += 1
+            sums[border, DEPTH_STEP] += jump
+    return keys[:used].copy(), sums[:used].copy()
+
+
+@compiled
+def _steps_across_borders(label_map):  # type: ignore[no-untyped-def]
+    """Find the steps that lead into another superpixel: twice the pixel's index, plus 1 for down instead of right."""
+    height, width = label_map.shape
+    # Memory that is never written to costs nothing.
+    steps = np.empty(2 * height * width, np.int64)
+    count = 0
     for row in range(height):
-        for column in range(width):
-            a = label_map[row, column]
-            for direction in range(2):
-                next_row, next_column = (row, column + 1) if direction == 0 else (row + 1, column)
-                if next_row == height or next_column == width:
-                    continue
-                b = label_map[next_row, next_column]
-                if a == b:
-                    continue
-                if 2 * used >= len(table):
-                    table, keys, sums = _grown_table(table, keys, sums, used)
-                key = np.int64(min(a, b)) * count + max(a, b)
-                slot = _slot(table, keys, key)
-                border = table[slot]
-                if border < 0:
-                    border = used
-                    table[slot] = used
-                    keys[used] = key
-                    used += 1
-                distance = 0.0
-                for k in range(3):
-                    step = np.float64(rgb[row, column, k]) - np.float64(rgb[next_row, next_column, k])
-                    distance += step * step
-                sums[border, PAIRS] += 1
-                sums[border, COLOR_STEP] += np.sqrt(distance)
-                z, next_z = depth[row, column], depth[next_row, next_column]
-                if z > 0 and next_z > 0:
-                    jump = abs(np.float64(z) - np.float64(next_z))
-                    if sums[border, VALID_PAIRS] == 0 or jump < sums[border, DEPTH_STEP_MIN]:
-                        sums[border, DEPTH_STEP_MIN] = jump
-                    sums[border, VALID_PAIRS] += 1
-                    sums[border, DEPTH_STEP] += jump
-    return keys[:used], sums[:used]
-
-
-@compiled
-def _empty_table(capacity):  # type: ignore[no-untyped-def]
-    """An open-addressing hash table from border keys to rows of sums; it is kept at most half full."""
-    half = capacity // 2 + 1
-    return np.full(capacity, -1), np.empty(half, np.int64), np.zeros((half, BORDER_SUMS)), 0
-
-
-@compiled
-def _slot(table, keys, key):  # type: ignore[no-untyped-def]
-    slot = (key * 0x9E3779B1 >> 7) & (len(table) - 1)
-    while table[slot] >= 0 and keys[table[slot]] != key:
-        slot = (slot + 1) & (len(table) - 1)
-    return slot
-
-
-@compiled
-def _grown_table(table, keys, sums, used):  # type: ignore[no-untyped-def]
-    grown, grown_keys, grown_sums, _ = _empty_table(2 * len(table))
-    for border in range(used):
-        grown[_slot(grown, keys, keys[border])] = border
-        grown_keys[border] = keys[border]
-        grown_sums[border] = sums[border]
-    return grown, grown_keys, grown_sums
+        for column in range(width - 1):
+            if label_map[row, column] != label_map[row, column + 1]:
+                steps[count] = 2 * (row * width + column)
+                count += 1
+        if row + 1 < height:
+            for column in range(width):
+                if label_map[row, column] != label_map[row + 1, column]:
+                    steps[count] = 2 * (row * width + column) + 1
+                    count += 1
+    return steps[:count]
 
 
 def sum_borders_numpy(
