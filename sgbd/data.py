@@ -1,0 +1,262 @@
+"""Prepared superpixel graphs as a PyG dataset."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch_geometric.data import Data, Dataset
+from tqdm import tqdm
+
+from sgbd.features import EDGE_GROUPS, NODE_GROUPS, edge_columns, node_columns
+from sgbd.graph_file import FORMAT_VERSION, read_graph
+from sgbd.preparation import INDEX_FILE, RECIPE_FILE, graph_file_name, read_index
+from sgbd.recipe import Recipe
+
+HOW_TO_PREPARE = "python -m sgbd.prepare dataset=<name>"
+
+
+class GraphCacheError(RuntimeError):
+    """A folder that does not hold the prepared graphs that were asked for; the message says what to do."""
+
+
+@dataclass(frozen=True)
+class FeatureMoments:
+    """Mean and standard deviation of every column, over all superpixels and all directed edges of a dataset.
+
+    Attributes:
+        node_mean: float32 [F].
+        node_std: float32 [F]; 0 for a constant column.
+        edge_mean: float32 [D].
+        edge_std: float32 [D].
+    """
+
+    node_mean: Tensor
+    node_std: Tensor
+    edge_mean: Tensor
+    edge_std: Tensor
+
+
+class SuperpixelGraphDataset(Dataset):
+    """The prepared graphs of one split, as a PyG dataset.
+
+    ``dataset[i]`` is a plain `torch_geometric.data.Data` as `sgbd.graph.build_graph` describes it, with the chosen
+    feature columns; slices, index lists, masks and ``shuffle()`` give sub-datasets; PyG's `DataLoader` batches it.
+
+    Args:
+        root: Folder of a recipe (what `sgbd.preparation.prepare` returns), or one that holds a single such folder.
+        split: Which split.
+        node_features: Groups of `sgbd.features.NODE_GROUPS` to keep as columns of `x`; None for all. The columns stay
+            in the declared order.
+        edge_features: Groups of `sgbd.features.EDGE_GROUPS` to keep as columns of `edge_attr`; None for all.
+        in_memory: Keep every graph after its first reading. Sub-datasets share what is kept; worker processes of a
+            `DataLoader` keep their own, so use none with this.
+        fields: Fields of the graphs to read; None for all. Training needs no label maps and overlap tables, and reads
+            faster without them.
+        transform: Applied to each graph on access.
+
+    Raises:
+        GraphCacheError: If there are no such graphs; the message says how to prepare them.
+        ValueError: If a feature group is unknown; the message lists the choices.
+    """
+
+    def __init__(
+        self,
+        root: str | Path,
+        split: str = "train",
+        node_features: Collection[str] | None = None,
+        edge_features: Collection[str] | None = None,
+        in_memory: bool = False,
+        fields: Collection[str] | None = None,
+        transform: Callable[[Data], Data] | None = None,
+    ) -> None:
+        self.folder = find_recipe_folder(Path(root).expanduser())
+        self.split = split
+        self.recipe: Recipe = _read_recipe(self.folder)
+        self._index = _read_split(self.folder, split)
+        self.node_features = None if node_features is None else tuple(node_features)
+        self.edge_features = None if edge_features is None else tuple(edge_features)
+        self.fields = None if fields is None else tuple(fields)
+        self._node_columns = node_columns(self.node_features)
+        self._edge_columns = edge_columns(self.edge_features)
+        self.in_memory = in_memory
+        self._graphs: dict[int, Data] = {}
+        super().__init__(root=str(self.folder), transform=transform)
+
+    def len(self) -> int:
+        """Return the number of graphs of the split, of which a sub-dataset shows some."""
+        return len(self._index["names"])
+
+    def get(self, idx: int) -> Data:
+        """Read graph `idx` of the split."""
+        if idx in self._graphs:
+            # A copy of the container: what a transform replaces in it does not reach the kept graph.
+            return self._graphs[idx].__copy__()
+        data = read_graph(self.folder / self.split / graph_file_name(self._index["names"][idx]), self.fields)
+        if self.node_features is not None and "x" in data:
+            data.x = data.x[:, self._node_columns]
+        if self.edge_features is not None and "edge_attr" in data:
+            data.edge_attr = data.edge_attr[:, self._edge_columns]
+        if self.in_memory:
+            self._graphs[idx] = data
+            return data.__copy__()
+        return data
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the frames, in the order of the dataset."""
+        return tuple(self._index["names"][index] for index in self.indices())
+
+    @property
+    def skipped(self) -> Mapping[str, str]:
+        """Frames of the split that have no graph, and why."""
+        return {entry["name"]: entry["reason"] for entry in self._index["skipped"]}
+
+    @property
+    def category_names(self) -> tuple[str, ...]:
+        """All categories of the dataset; `instance_category` counts them from 1."""
+        return tuple(self._index["category_names"])
+
+    @property
+    def seen(self) -> frozenset[str]:
+        """The categories seen in training; empty if there is no division into seen and unseen."""
+        return frozenset(self._index["seen"])
+
+    @property
+    def node_channels(self) -> int:
+        """Number of node features."""
+        return len(self._node_columns)
+
+    @property
+    def edge_channels(self) -> int:
+        """Number of edge features."""
+        return len(self._edge_columns)
+
+    def statistics(self) -> dict[str, Any]:
+        """Return what the preparation counted over the whole split.
+
+        Returns:
+            `graphs`; `nodes_per_graph`, `edges_per_graph` (each adjacency once) and `bytes_per_graph` on average;
+            `merge_share`, the share of merge among the labelled edges (None without labels); `seconds_per_frame` of
+            each stage of the last preparation.
+        """
+        return dict(self._index["statistics"])
+
+    def feature_moments(self, progress: bool = False) -> FeatureMoments:
+        """Compute mean and standard deviation of every chosen feature column, in one pass over the (sub-)dataset.
+
+        Float64 sums of deviations, combined graph by graph (Chan et al. 1983, DOI 10.1080/00031305.1983.10483115), so
+        large offsets cost no digits and a repetition gives the same bits.
+
+        Args:
+            progress: Whether to show a progress bar.
+
+        Returns:
+            The moments, without `transform`.
+
+        Raises:
+            ValueError: If the dataset is empty or `fields` leaves the features out.
+        """
+        nodes, edges = _RunningMoments(self.node_channels), _RunningMoments(self.edge_channels)
+        for index in tqdm(self.indices(), "feature statistics", unit="graph", disable=not progress):
+            data = self.get(index)
+            if "x" not in data or "edge_attr" not in data:
+                raise ValueError("feature_moments needs the fields 'x' and 'edge_attr'; add them to fields")
+            nodes.add(data.x)
+            edges.add(data.edge_attr)
+        if nodes.count == 0:
+            raise ValueError("an empty dataset has no feature statistics")
+        return FeatureMoments(nodes.mean.float(), nodes.std().float(), edges.mean.float(), edges.std().float())
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Graphs in memory are read again by a process that gets this dataset: cheaper than to send them.
+        return {**self.__dict__, "_graphs": {}}
+
+
+class _RunningMoments:
+    """Mean and sum of squared deviations of columns, batch after batch."""
+
+    def __init__(self, columns: int) -> None:
+        self.count = 0
+        self.mean = torch.zeros(columns, dtype=torch.float64)
+        self.squares = torch.zeros(columns, dtype=torch.float64)
+
+    def add(self, rows: Tensor) -> None:
+        if len(rows) == 0:
+            return
+        rows = rows.double()
+        mean = rows.mean(0)
+        total = self.count + len(rows)
+        step = mean - self.mean
+        self.squares += ((rows - mean) ** 2).sum(0) + step**2 * (self.count * len(rows) / total)
+        self.mean += step * (len(rows) / total)
+        self.count = total
+
+    def std(self) -> Tensor:
+        return (self.squares / max(self.count, 1)).sqrt()
+
+
+def find_recipe_folder(root: Path) -> Path:
+    """Return the recipe folder that a path means: itself, or the only one in it.
+
+    Raises:
+        GraphCacheError: If it is missing, holds no recipe, or several.
+    """
+    if not root.is_dir():
+        raise GraphCacheError(f"there are no prepared graphs in {root}: no such folder. Make them: {HOW_TO_PREPARE}")
+    if (root / RECIPE_FILE).is_file():
+        return root
+    recipes = sorted(path.parent for path in root.glob(f"*/{RECIPE_FILE}"))
+    if not recipes:
+        raise GraphCacheError(
+            f"there are no prepared graphs in {root}: neither it nor a folder in it holds {RECIPE_FILE}. "
+            f"Make them: {HOW_TO_PREPARE}"
+        )
+    if len(recipes) > 1:
+        lines = "\n".join(f"  {path}  (prepared: {', '.join(_finished_splits(path)) or 'nothing'})" for path in recipes)
+        raise GraphCacheError(f"{root} holds graphs of several recipes; give the folder of one:\n{lines}")
+    return recipes[0]
+
+
+def _read_recipe(folder: Path) -> Recipe:
+    path = folder / RECIPE_FILE
+    try:
+        recipe = json.loads(path.read_text(encoding="utf-8"))
+        version, groups = recipe["format_version"], (recipe.get("node_groups"), recipe.get("edge_groups"))
+    except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
+        raise GraphCacheError(f"{path} is not the recipe of prepared graphs ({error}): {HOW_TO_PREPARE}") from error
+    if version != FORMAT_VERSION:
+        raise GraphCacheError(
+            f"the graphs in {folder} have format version {version}; this version of sgbd reads {FORMAT_VERSION}. "
+            f"Prepare them again: {HOW_TO_PREPARE}"
+        )
+    if groups != tuple({group: list(names) for group, names in table.items()} for table in (NODE_GROUPS, EDGE_GROUPS)):
+        raise GraphCacheError(
+            f"the graphs in {folder} have other feature columns than this version of sgbd. "
+            f"Prepare them again: {HOW_TO_PREPARE}"
+        )
+    return dict(recipe)
+
+
+def _read_split(folder: Path, split: str) -> dict[str, Any]:
+    index = read_index(folder / split)
+    if index is not None:
+        return index
+    finished = ", ".join(_finished_splits(folder)) or "none"
+    if (folder / split).is_dir():
+        raise GraphCacheError(
+            f"the preparation of split {split!r} in {folder} is not finished (it has no readable {INDEX_FILE}); "
+            f"finished splits: {finished}. Run it again, it goes on where it stopped: {HOW_TO_PREPARE}"
+        )
+    raise GraphCacheError(
+        f"{folder} has no split {split!r}; prepared splits: {finished}. If the dataset has it: {HOW_TO_PREPARE}"
+    )
+
+
+def _finished_splits(folder: Path) -> Iterator[str]:
+    return (path.parent.name for path in sorted(folder.glob(f"*/{INDEX_FILE}")))

@@ -1,0 +1,277 @@
+"""A graph in a file: a PyG `Data` as plain tensors in safetensors format, nothing executable, restored bit for bit.
+
+What repeats or fits into fewer bytes is stored once and narrow: integers (and floats that hold small integers) in the
+smallest dtype that gives every value back; of `edge_index` only the first half where the second is the first one
+reversed; of `edge_attr` the second half only in the columns where the two directions differ; `edge_label_index` not at
+all where it is that first half. The metadata says what was done, so reading undoes exactly that.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import safetensors
+import torch
+from safetensors.torch import load, save
+from torch import Tensor
+from torch_geometric.data import Data
+
+from sgbd.atomic_file import write_whole
+
+FORMAT_VERSION = 1
+"""Raised whenever graphs in old files would be read wrongly, or the same frames give other graphs."""
+
+SUFFIX = ".safetensors"
+
+_METADATA = "graph"  # one key: safetensors does not keep the order of several, and files must not differ
+_REVERSED_COLUMNS = "edge_attr.reversed_columns"
+_NARROW_INTEGERS = (torch.uint8, torch.int8, torch.int16, torch.int32)
+_NARROW_FLOATS = (torch.int8, torch.int16)
+
+
+class GraphFileError(RuntimeError):
+    """A file that does not hold a readable graph, or cannot be written; the message says which and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class GraphSummary:
+    """What a graph file tells of its graph without its tensors being read.
+
+    Attributes:
+        made_from: Fingerprint of the frame it was made from.
+        nodes: Number of superpixels.
+        edges: Number of adjacencies.
+        merges: Adjacencies labelled 1 (merge).
+        cuts: Adjacencies labelled 0 (cut).
+        bytes: Size of the file.
+    """
+
+    made_from: str
+    nodes: int
+    edges: int
+    merges: int
+    cuts: int
+    bytes: int
+
+
+def write_graph(path: Path, data: Data, made_from: str) -> GraphSummary:
+    """Write a graph atomically: `path` holds all of it or what it held before.
+
+    Args:
+        path: File to write; its folder exists.
+        data: Graph with tensors, strings and plain numbers as fields.
+        made_from: Fingerprint of the frame it was made from.
+
+    Returns:
+        The summary that the file also holds.
+
+    Raises:
+        GraphFileError: If the file cannot be written, for instance because the disk is full.
+        TypeError: If a field is neither a tensor nor a string, number, bool or None.
+    """
+    label, pairs = data.get("edge_label"), data.get("edge_label_index")
+    summary = {
+        "made_from": made_from,
+        "nodes": int(data.num_nodes or 0),
+        "edges": int(pairs.shape[1]) if pairs is not None else 0,
+        "merges": int((label == 1).sum()) if label is not None else 0,
+        "cuts": int((label == 0).sum()) if label is not None else 0,
+    }
+    tensors, fields, mirrored = _encode(data)
+    header = {"format_version": FORMAT_VERSION, "summary": summary, "fields": fields, "mirrored": mirrored}
+    content = save(tensors, metadata={_METADATA: json.dumps(header)})
+    try:
+        write_whole(path, content)
+    except OSError as error:
+        raise GraphFileError(cannot_write(path, error)) from error
+    return GraphSummary(**summary, bytes=len(content))  # type: ignore[arg-type]
+
+
+def read_graph(path: Path, fields: Collection[str] | None = None) -> Data:
+    """Read a graph.
+
+    Args:
+        path: File of `write_graph`.
+        fields: Names of the fields to restore; all of them if None. Fields that the graph lacks are left out.
+
+    Returns:
+        The graph as it was written: the same fields in the same order, dtypes, shapes and values.
+
+    Raises:
+        GraphFileError: If the file is missing, damaged or of another format version.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    header = _parse_header(path, content, len(content))
+    try:
+        return _decode(header, load(content), fields)
+    except (safetensors.SafetensorError, LookupError, ValueError, RuntimeError, TypeError, AttributeError) as error:
+        raise _damaged(path, error) from error
+
+
+def read_summary(path: Path) -> GraphSummary:
+    """Read what a graph file tells of its graph, without its tensors.
+
+    Raises:
+        GraphFileError: If the file is missing, damaged (also if it is shorter than it should be) or of another format
+            version.
+    """
+    try:
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            start = file.read(8)
+            content = start + file.read(min(int.from_bytes(start, "little"), size))
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    header = _parse_header(path, content, size)
+    try:
+        return GraphSummary(**header["summary"], bytes=size)
+    except (LookupError, TypeError) as error:
+        raise _damaged(path, error) from error
+
+
+def cannot_write(path: Path, error: OSError) -> str:
+    """Say why a file cannot be written and what to do about it."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        folder = next(folder for folder in (path, *path.absolute().parents) if folder.is_dir())
+        free = shutil.disk_usage(folder).free / 2**20
+        quota = " or the quota is used up" if error.errno == errno.EDQUOT else ""
+        return (
+            f"cannot write {path}: the disk is full{quota} ({free:.0f} MiB free in {folder}). "
+            "Make room or choose another cache folder, and run again: what is prepared is kept."
+        )
+    return f"cannot write {path}: {error.strerror or error}. Choose a cache folder that can be written."
+
+
+def _damaged(path: Path, reason: object) -> GraphFileError:
+    return GraphFileError(f"{path} is damaged ({reason}): delete it and run the preparation again, which remakes it")
+
+
+def _unreadable(path: Path, error: OSError) -> GraphFileError:
+    if isinstance(error, FileNotFoundError):
+        return GraphFileError(f"{path} is missing: run the preparation again, which makes what is not there")
+    return GraphFileError(f"{path} cannot be read: {error.strerror or error}")
+
+
+def _parse_header(path: Path, content: bytes, size: int) -> dict[str, Any]:
+    """Read the header of a safetensors file: its length in 8 bytes, then JSON with the place of every tensor."""
+    start = 8 + int.from_bytes(content[:8], "little")
+    try:
+        layout = json.loads(content[8:start])
+        header = json.loads(layout.pop("__metadata__")[_METADATA])
+        version = header["format_version"]
+        expected = start + max((entry["data_offsets"][1] for entry in layout.values()), default=0)
+    except (ValueError, LookupError, TypeError, AttributeError) as error:
+        raise _damaged(path, "its header is not that of a graph") from error
+    if version != FORMAT_VERSION:
+        raise GraphFileError(
+            f"{path} has format version {version}; this version of sgbd reads {FORMAT_VERSION}: prepare the graphs anew"
+        )
+    if size != expected:
+        raise _damaged(path, f"{size} bytes instead of {expected}")
+    return dict(header)
+
+
+def _encode(data: Data) -> tuple[dict[str, Tensor], dict[str, dict[str, Any]], list[str]]:
+    tensors: dict[str, Tensor] = {}
+    fields: dict[str, dict[str, Any]] = {}
+    for key, value in data.to_dict().items():
+        if isinstance(value, Tensor):
+            tensors[key] = value.detach().cpu()
+            fields[key] = {"dtype": _name(value.dtype)}
+        elif value is None or isinstance(value, str | bool | int | float):
+            fields[key] = {"value": value}
+        else:
+            raise TypeError(
+                f"field {key!r} of the graph is a {type(value).__name__}; only tensors, strings and numbers are stored"
+            )
+    mirrored = _drop_second_halves(tensors)
+    return {key: _narrow(tensor).contiguous() for key, tensor in tensors.items()}, fields, mirrored
+
+
+def _drop_second_halves(tensors: dict[str, Tensor]) -> list[str]:
+    """Leave out of `tensors` what follows from the first half of `edge_index`; return the names of those fields."""
+    both = tensors.get("edge_index")
+    if both is None or both.dim() != 2 or both.shape[0] != 2 or both.shape[1] % 2:
+        return []
+    first, second = both.chunk(2, dim=1) if both.shape[1] else (both, both)
+    if not torch.equal(first.flip(0), second):
+        return []
+    mirrored = ["edge_index"]
+    tensors["edge_index"] = first
+    pairs = tensors.get("edge_label_index")
+    if pairs is not None and pairs.dtype == first.dtype and torch.equal(pairs, first):
+        mirrored.append("edge_label_index")
+        del tensors["edge_label_index"]
+    attributes = tensors.get("edge_attr")
+    if (
+        attributes is not None
+        and attributes.shape[:1] == both.shape[1:]
+        and attributes.dim() == 2
+        and attributes.dtype == torch.float32
+        and len(attributes)
+    ):
+        mirrored.append("edge_attr")
+        forward, backward = attributes.chunk(2)
+        differ = (_bits(forward) != _bits(backward)).any(0).nonzero().flatten()
+        tensors["edge_attr"] = forward
+        tensors["edge_attr.reversed"] = backward[:, differ]
+        tensors[_REVERSED_COLUMNS] = differ
+    return mirrored
+
+
+def _decode(header: Mapping[str, Any], stored: Mapping[str, Tensor], wanted: Collection[str] | None) -> Data:
+    values: dict[str, Any] = {}
+    for key, entry in header["fields"].items():
+        if wanted is not None and key not in wanted:
+            continue
+        if "value" in entry:
+            values[key] = entry["value"]
+            continue
+        mirrored = key in header["mirrored"]
+        tensor = stored["edge_index" if mirrored and key == "edge_label_index" else key]
+        if mirrored and key == "edge_index":
+            tensor = torch.cat([tensor, tensor.flip(0)], dim=1)
+        elif mirrored and key == "edge_attr":
+            backward = tensor.clone()
+            backward[:, stored[_REVERSED_COLUMNS].long()] = stored["edge_attr.reversed"]
+            tensor = torch.cat([tensor, backward])
+        # A copy where nothing changes type: fields must not share memory.
+        values[key] = tensor.to(getattr(torch, entry["dtype"]), copy=key == "edge_label_index")
+    return Data.from_dict(values)
+
+
+def _narrow(tensor: Tensor) -> Tensor:
+    """Return the tensor in the smallest dtype that gives back every value, bit for bit."""
+    if tensor.dtype in (torch.int16, torch.int32, torch.int64):
+        if tensor.numel() == 0:
+            return tensor.to(torch.int8)
+        low, high = (int(bound) for bound in torch.aminmax(tensor))
+        for dtype in _NARROW_INTEGERS:
+            bounds = torch.iinfo(dtype)
+            if dtype.itemsize < tensor.dtype.itemsize and bounds.min <= low <= high <= bounds.max:
+                return tensor.to(dtype)
+    elif tensor.dtype == torch.float32:
+        for dtype in _NARROW_FLOATS:
+            narrow = tensor.nan_to_num().clamp(torch.iinfo(dtype).min, torch.iinfo(dtype).max).to(dtype)
+            if torch.equal(_bits(narrow.to(torch.float32)), _bits(tensor)):
+                return narrow
+    return tensor
+
+
+def _bits(tensor: Tensor) -> Tensor:
+    """Return float32 values as the integers that have the same bits, which tell 0 from -0 and compare NaN equal."""
+    return tensor.contiguous().view(torch.int32)
+
+
+def _name(dtype: torch.dtype) -> str:
+    return str(dtype).removeprefix("torch.")

@@ -1,0 +1,429 @@
+"""Preparation: the frames of a split to graph files, in parallel, resumable, and never stale.
+
+Layout of a cache::
+
+    <root>/<dataset>-<hash of the recipe>/recipe.json     what the graphs were made with (`sgbd.recipe`)
+                                         /<split>.lock    held while the split is prepared
+                                         /<split>/<name>.safetensors    one graph a frame (`sgbd.graph_file`)
+                                         /<split>/index.json            written last: the split is complete
+
+Why it is never stale: another dataset, configuration or code has another hash and thus another folder. Within a folder,
+the index holds the fingerprint of all frames of its split (names, sizes and modification times of their files), and
+every graph that of its own frame. If the first still holds, nothing needs doing; if not, the index is taken away and
+the graphs of changed frames are made anew. As graphs and index are replaced atomically, a process killed at any moment
+leaves only whole graphs behind, and the next run makes those that are missing. Graphs of frames that are gone stay in
+the folder, in case they come back; only what the index names counts.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import logging
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from filelock import FileLock, Timeout
+from torch_geometric.data import Data
+from tqdm import tqdm
+
+from sgbd.atomic_file import write_whole
+from sgbd.features import EDGE_NAMES, NODE_NAMES
+from sgbd.graph_file import (
+    FORMAT_VERSION,
+    SUFFIX,
+    GraphFileError,
+    GraphSummary,
+    cannot_write,
+    read_summary,
+    write_graph,
+)
+from sgbd.recipe import Recipe, folder_name, graph_recipe
+from sgbd.sources.source import FrameSource
+from sgbd.workers import WorkerError, map_in_order
+
+log = logging.getLogger(__name__)
+
+RECIPE_FILE = "recipe.json"
+INDEX_FILE = "index.json"
+INDEX_KEYS = ("fingerprint", "category_names", "seen", "statistics", "skipped", "names", "bytes")
+
+FRAMES_PER_WORKER = 8
+"""Frames that are worth a worker process; fewer are made in this process."""
+LINES_OF_REPORT = 20
+"""Skipped frames that the report names one by one; the index names them all."""
+
+
+class PreparationError(RuntimeError):
+    """Graphs that cannot be prepared; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """What became of one frame."""
+
+    index: int
+    summary: GraphSummary | None = None
+    failure: str | None = None
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _FrameToGraphFile:
+    """The work of one worker: frame `index` of the source to its graph file."""
+
+    source: FrameSource
+    superpixels: Callable[[Any], Any]
+    graph: Callable[..., Data]
+    folder: Path
+
+    def __call__(self, index: int) -> _Outcome:
+        name = self.source.names[index]
+        try:
+            start = time.perf_counter()
+            # Before reading: should the files change meanwhile, the next run sees it.
+            made_from = frame_fingerprint(self.source, index)
+            frame = self.source[index]
+            read = time.perf_counter()
+            label_map = self.superpixels(frame)
+            segmented = time.perf_counter()
+            data = self.graph(frame, label_map, category_names=self.source.category_names)
+            built = time.perf_counter()
+        except MemoryError:
+            raise
+        except Exception as error:
+            log.debug("frame %s", name, exc_info=True)
+            return _Outcome(index, failure=f"{type(error).__name__}: {error}")
+        _check_columns(data)
+        data.name = name
+        summary = write_graph(self.folder / graph_file_name(name), data, made_from)
+        seconds = {
+            "read": read - start,
+            "superpixels": segmented - read,
+            "graph": built - segmented,
+            "write": time.perf_counter() - built,
+        }
+        return _Outcome(index, summary, seconds=seconds)
+
+
+def prepare(
+    source: FrameSource,
+    superpixels: Callable[[Any], Any],
+    graph: Callable[..., Data],
+    root: str | Path,
+    *,
+    workers: int = 0,
+    on_error: Literal["skip", "fail"] = "skip",
+    progress: bool = True,
+) -> Path:
+    """Make the graphs of one split, or only those that are missing or whose frames changed.
+
+    Graphs are the same, byte for byte, for any number of workers. Two processes may prepare the same split at once: the
+    second waits and finds it done. Interrupted or killed, it goes on where it was when it is run again.
+
+    Args:
+        source: The frames of the split.
+        superpixels: Frame to label map, int32 [H, W], ids 0..N-1. It keeps its arguments under their own names, or is
+            a function or a partial of one, so that it can be written down in the recipe.
+        graph: Called as ``graph(frame, label_map, category_names=...)``, such as `sgbd.graph.GraphBuilder`; described
+            in the same way.
+        root: Folder of all caches; made if it is missing.
+        workers: Processes to use; 0 stays in this one.
+        on_error: What to do with a frame that cannot be read, over-segmented or made a graph: `skip` it, name it in the
+            report and the index and try it again next time, or `fail` on the first one.
+        progress: Whether to show a progress bar.
+
+    Returns:
+        The folder of the recipe: the root of `sgbd.data.SuperpixelGraphDataset`.
+
+    Raises:
+        PreparationError: If a frame fails and `on_error` is `fail`, if every frame fails, if the split is empty, if
+            its names cannot be files, or if the cache cannot be written.
+        GraphFileError: If a graph cannot be written, for instance because the disk is full.
+        RecipeError: If a component cannot be written down.
+        WorkerError: If a worker process dies.
+    """
+    if on_error not in ("skip", "fail"):
+        raise PreparationError(f"on_error must be 'skip' or 'fail'; got {on_error!r}")
+    if not source.split or "/" in source.split or source.split.startswith("."):
+        raise PreparationError(f"a split needs a name that can be a folder; got {source.split!r}")
+    recipe = graph_recipe(source, superpixels, graph)
+    folder = Path(root).expanduser() / folder_name(recipe)
+    split = folder / source.split
+    fingerprint = source.fingerprint()
+    if _is_complete(split, fingerprint):
+        log.info("%s of %s is prepared already: %s", source.split, recipe["dataset"]["name"], split)
+        return folder
+    # Only now: to find its names, a source may have to look at every frame.
+    _check_names(source)
+    with contextlib.ExitStack() as stack:
+        try:
+            split.mkdir(parents=True, exist_ok=True)
+            stack.enter_context(_only_one_at_a_time(folder / f"{source.split}.lock", split, len(source), progress))
+        except OSError as error:
+            raise PreparationError(cannot_write(split, error)) from error
+        # Somebody else may have finished it while this process waited.
+        if not _is_complete(split, fingerprint):
+            _write_recipe(folder, recipe)
+            work = _FrameToGraphFile(source, superpixels, graph, split)
+            _prepare_split(work, fingerprint, workers, on_error, progress)
+    return folder
+
+
+def graph_file_name(name: str) -> str:
+    """Return the file name of a frame's graph: its name with `/` replaced."""
+    return name.replace("/", "__") + SUFFIX
+
+
+def frame_fingerprint(source: FrameSource, index: int) -> str:
+    """Return 16 hexadecimal digits that change whenever a frame may have: name, sizes and times of its files."""
+    stats: list[Any] = []
+    for path in source.files(index):
+        with contextlib.suppress(OSError):  # reading the frame reports a missing file
+            status = path.stat()
+            stats.append([status.st_size, status.st_mtime_ns])
+    return hashlib.sha256(json.dumps([source.names[index], stats]).encode()).hexdigest()[:16]
+
+
+def read_index(split: Path) -> dict[str, Any] | None:
+    """Return the index of a prepared split, or None if there is none (also a damaged one counts as none)."""
+    try:
+        index = json.loads((split / INDEX_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return index if isinstance(index, dict) and set(INDEX_KEYS) <= set(index) else None
+
+
+def _prepare_split(work: _FrameToGraphFile, fingerprint: str, workers: int, on_error: str, progress: bool) -> None:
+    source, split = work.source, work.folder
+    before = read_index(split)
+    if before is not None and before.get("fingerprint") != fingerprint:
+        log.info("the frames of %s changed: the graphs of those that did are made anew", split)
+        (split / INDEX_FILE).unlink()
+    summaries = _kept_graphs(source, split, progress)
+    kept = sum(summary is not None for summary in summaries)
+    failures: dict[int, str] = {}
+    seconds: dict[str, float] = {}
+    started = time.perf_counter()
+    for outcome in _outcomes(work, summaries, workers, progress):
+        if outcome.failure is None:
+            for stage, duration in outcome.seconds.items():
+                seconds[stage] = seconds.get(stage, 0.0) + duration
+            continue
+        failures[outcome.index] = outcome.failure
+        if on_error == "fail":
+            raise PreparationError(
+                f"frame {source.names[outcome.index]} of {source.split} failed ({outcome.failure}). Mend or remove it, "
+                "or use on_error=skip to leave such frames out. What is prepared is kept."
+            )
+    if len(failures) == len(source):
+        raise PreparationError(
+            f"every frame of {source.split} failed, so there is nothing to train or evaluate on:\n"
+            + _list_of_failures(source, failures)
+        )
+    made = len(source) - kept - len(failures)
+    index = _index(source, fingerprint, summaries, failures)
+    if made:
+        index["statistics"]["seconds_per_frame"] = {stage: total / made for stage, total in seconds.items()}
+    elif before is not None:
+        index["statistics"]["seconds_per_frame"] = before.get("statistics", {}).get("seconds_per_frame", {})
+    _write(split / INDEX_FILE, json.dumps(index).encode())
+    log.info(
+        "%s: %d graphs made in %.1f s, %d kept, %d skipped; %.0f nodes and %.0f edges a graph, %.0f KiB each, in %s",
+        source.split,
+        made,
+        time.perf_counter() - started,
+        kept,
+        len(failures),
+        index["statistics"]["nodes_per_graph"],
+        index["statistics"]["edges_per_graph"],
+        index["statistics"]["bytes_per_graph"] / 1024,
+        split,
+    )
+    if failures:
+        log.warning(
+            "%d of %d frames of %s were skipped; the next preparation tries them again:\n%s",
+            len(failures),
+            len(source),
+            source.split,
+            _list_of_failures(source, failures),
+        )
+
+
+def _outcomes(
+    work: _FrameToGraphFile, summaries: list[GraphSummary | None], workers: int, progress: bool
+) -> Iterator[_Outcome]:
+    """Make the graphs that have no summary yet, fill their summaries in, and yield what became of each frame."""
+    pending = [index for index, summary in enumerate(summaries) if summary is None]
+    # To start a process takes as long as a few frames do.
+    workers = min(workers, len(pending) // FRAMES_PER_WORKER)
+    skipped = 0
+    try:
+        with (
+            tqdm(
+                total=len(summaries),
+                initial=len(summaries) - len(pending),
+                desc=f"graphs of {work.source.split}",
+                unit="frame",
+                disable=not progress,
+                mininterval=0.5,
+            ) as bar,
+            contextlib.closing(map_in_order(work, pending, workers)) as outcomes,
+        ):
+            for outcome in outcomes:
+                summaries[outcome.index] = outcome.summary
+                bar.update()
+                if outcome.failure is not None:
+                    skipped += 1
+                    bar.set_postfix(skipped=skipped)
+                yield outcome
+    except (KeyboardInterrupt, WorkerError) as error:
+        done = sum(summary is not None for summary in summaries)
+        told = (
+            f"{done} of {len(summaries)} graphs of {work.source.split} are prepared and kept; "
+            "run the same command again to go on"
+        )
+        if isinstance(error, WorkerError):
+            raise WorkerError(f"{error} {told}.") from error
+        log.warning("interrupted: %s", told)
+        raise
+
+
+def _index(
+    source: FrameSource,
+    fingerprint: str,
+    summaries: Sequence[GraphSummary | None],
+    failures: Mapping[int, str],
+) -> dict[str, Any]:
+    names = source.names
+    present = [(names[index], summary) for index, summary in enumerate(summaries) if summary is not None]
+    merges, cuts = (sum(getattr(summary, key) for _, summary in present) for key in ("merges", "cuts"))
+    nodes, edges = ([getattr(summary, key) for _, summary in present] for key in ("nodes", "edges"))
+    return {
+        "format_version": FORMAT_VERSION,
+        "split": source.split,
+        "fingerprint": fingerprint,
+        "category_names": list(source.category_names),
+        "seen": sorted(source.seen),
+        "statistics": {
+            "graphs": len(present),
+            "nodes_per_graph": sum(nodes) / len(present),
+            "edges_per_graph": sum(edges) / len(present),
+            "merge_share": merges / (merges + cuts) if merges + cuts else None,
+            "bytes_per_graph": sum(summary.bytes for _, summary in present) / len(present),
+            # Of the frames made in the last run.
+            "seconds_per_frame": {},
+        },
+        "skipped": [{"name": names[index], "reason": reason} for index, reason in sorted(failures.items())],
+        "names": [name for name, _ in present],
+        "bytes": [summary.bytes for _, summary in present],
+        "nodes": nodes,
+        "edges": edges,
+    }
+
+
+def _is_complete(split: Path, fingerprint: str) -> bool:
+    """Say whether nothing is left to do: same frames, no graph missing or cut short, no skipped frame to try again."""
+    index = read_index(split)
+    if (
+        index is None
+        or index.get("format_version") != FORMAT_VERSION
+        or index.get("fingerprint") != fingerprint
+        or index.get("skipped")
+        or not (split.parent / RECIPE_FILE).is_file()
+    ):
+        return False
+    sizes = {entry.name: entry.stat().st_size for entry in split.iterdir() if entry.name.endswith(SUFFIX)}
+    expected = {graph_file_name(name): size for name, size in zip(index["names"], index["bytes"], strict=True)}
+    return expected.items() <= sizes.items()
+
+
+def _kept_graphs(source: FrameSource, split: Path, progress: bool) -> list[GraphSummary | None]:
+    """Return the summary of every frame's graph that is there and made from the frame as it is now, else None."""
+    present = set()
+    for path in split.iterdir():
+        if path.name.endswith(".tmp"):
+            path.unlink()  # of a process that was killed while it wrote
+        present.add(path.name)
+    summaries: list[GraphSummary | None] = []
+    names = tqdm(source.names, "looking for graphs", delay=1, leave=False, unit="frame", disable=not progress)
+    for index, name in enumerate(names):
+        summary = None
+        if graph_file_name(name) in present:
+            with contextlib.suppress(GraphFileError):  # a damaged one is made again
+                summary = read_summary(split / graph_file_name(name))
+            if summary is not None and summary.made_from != frame_fingerprint(source, index):
+                summary = None
+        summaries.append(summary)
+    return summaries
+
+
+@contextlib.contextmanager
+def _only_one_at_a_time(path: Path, split: Path, total: int, progress: bool) -> Iterator[None]:
+    """Hold the lock of a split; while another process has it, wait and show how far that one is."""
+    lock = FileLock(path)  # the system releases it when its holder dies, however that happens
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        log.info("another process prepares %s: waiting until it is done", split)
+        with tqdm(total=total, desc=f"waiting for {split.name}", unit="frame", disable=not progress) as bar:
+            while not lock.is_locked:
+                bar.n = min(total, sum(1 for file in split.iterdir() if file.name.endswith(SUFFIX)))
+                bar.refresh()
+                with contextlib.suppress(Timeout):
+                    lock.acquire(timeout=1)
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def _write_recipe(folder: Path, recipe: Recipe) -> None:
+    content = (json.dumps(recipe, indent=2) + "\n").encode()
+    path = folder / RECIPE_FILE
+    if not path.is_file() or path.read_bytes() != content:
+        _write(path, content)
+
+
+def _write(path: Path, content: bytes) -> None:
+    try:
+        write_whole(path, content)
+    except OSError as error:
+        raise PreparationError(cannot_write(path, error)) from error
+
+
+def _check_names(source: FrameSource) -> None:
+    names = source.names
+    if not names:
+        raise PreparationError(f"split {source.split!r} of {type(source).__name__} has no frames to prepare")
+    files: dict[str, str] = {}
+    for name in names:
+        file = graph_file_name(name)
+        if not name or name.startswith(".") or "\0" in name or len(file.encode()) > 200:
+            raise PreparationError(f"frame name {name!r} cannot be a file name: it is empty, hidden or too long")
+        if files.setdefault(file, name) != name:
+            raise PreparationError(f"frames {files[file]!r} and {name!r} would share the file {file}: rename one")
+    if len(files) < len(names):
+        twice = next(name for name, count in Counter(names).items() if count > 1)
+        raise PreparationError(f"frame name {twice!r} occurs twice; names must be unique")
+
+
+def _check_columns(data: Data) -> None:
+    for key, names, what in (("x", NODE_NAMES, "node"), ("edge_attr", EDGE_NAMES, "edge")):
+        if data[key].shape[1] != len(names):
+            raise PreparationError(
+                f"the graphs have {data[key].shape[1]} {what} features, but sgbd.features names {len(names)} columns: "
+                "declare every column in its group there"
+            )
+
+
+def _list_of_failures(source: FrameSource, failures: Mapping[int, str]) -> str:
+    lines = [f"  {source.names[index]}: {reason}" for index, reason in sorted(failures.items())]
+    if len(lines) > LINES_OF_REPORT:
+        lines = [*lines[:LINES_OF_REPORT], f"  and {len(lines) - LINES_OF_REPORT} more"]
+    return "\n".join(lines)

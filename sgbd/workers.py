@@ -1,0 +1,164 @@
+"""A function of an index, run over many indices in worker processes: in order, in bounded memory, with a clean stop."""
+
+from __future__ import annotations
+
+import contextlib
+import inspect
+import multiprocessing
+import os
+import pickle
+import signal
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.context import BaseContext
+from multiprocessing.synchronize import Event
+from typing import Any, TypeVar
+
+Result = TypeVar("Result")
+
+THREAD_COUNTS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+"""Set to 1 for workers: the processes already fill the cores, and more threads only fight each other."""
+
+CHUNKS_IN_FLIGHT = 3
+"""Chunks a worker may be ahead of the slowest one: enough to keep it busy, few enough to hold no pile of results."""
+
+
+class WorkerError(RuntimeError):
+    """Worker processes that cannot start, or that died: killed, or out of memory."""
+
+
+def map_in_order(
+    function: Callable[[int], Result], indices: Sequence[int], workers: int
+) -> Generator[Result, None, None]:
+    """Generate ``function(index)`` for every index, in the order of `indices`, whatever the number of workers.
+
+    Workers are no copies of this process, so that no thread or lock of it is copied into them; each runs on one thread.
+    Only a few results are held at a time. When the caller stops early (an exception, Ctrl-C, closing
+    the generator), the workers finish the index at hand and end before this returns; when this process is killed, they
+    end by themselves.
+
+    Args:
+        function: Called in the workers; it must be picklable unless `workers` is 0.
+        indices: What to call it with.
+        workers: Processes to use; 0 runs in this process.
+
+    Yields:
+        The results, one an index.
+
+    Raises:
+        WorkerError: If a worker died, if `function` cannot be sent to one, if `workers` is negative, or if a worker
+            itself calls this while it imports the main script, which then lacks its guard.
+        Exception: Whatever `function` raises.
+    """
+    if workers < 0:
+        raise WorkerError(f"workers must be 0 (this process) or a number of processes; got {workers}")
+    if workers == 0 or len(indices) == 0:
+        return (function(index) for index in indices)
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        raise WorkerError(
+            "worker processes import the main script, and this script starts worker processes when it is imported. "
+            "Put its calls under \"if __name__ == '__main__':\", or use workers=0."
+        )
+    try:
+        message = pickle.dumps(function)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise WorkerError(
+            f"this cannot be sent to worker processes: {error}. Define its functions and classes at the top level of a "
+            "module, or use workers=0."
+        ) from error
+    owner = function if inspect.isroutine(function) else type(function)
+    return _map_in_processes(message, [owner.__module__], indices, min(workers, len(indices)))
+
+
+def _map_in_processes(
+    message: bytes, modules: list[str], indices: Sequence[int], workers: int
+) -> Generator[Any, None, None]:
+    size = max(1, min(8, len(indices) // (4 * workers)))
+    chunks = [indices[start : start + size] for start in range(0, len(indices), size)]
+    context = _start_method(modules)
+    stop = context.Event()
+    pool = ProcessPoolExecutor(workers, context, initializer=_start_worker, initargs=(message, stop))
+    in_flight: deque[Future[list[Any]]] = deque()
+    try:
+        for chunk in chunks:
+            with _conditions_for_workers():  # a task that finds no idle process starts one
+                in_flight.append(pool.submit(_run_chunk, chunk))
+            if len(in_flight) > CHUNKS_IN_FLIGHT * workers:
+                yield from in_flight.popleft().result()
+        while in_flight:
+            yield from in_flight.popleft().result()
+    except BrokenProcessPool as error:
+        raise WorkerError(
+            "a worker process died: it was killed, ran out of memory, or could not start (its own message, if it left "
+            "one, stands above). Use fewer workers, or workers=0 to see what happens."
+        ) from error
+    finally:
+        stop.set()
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _start_method(modules: list[str]) -> BaseContext:
+    """Return how to start processes: as copies of a server that has imported `modules`, or anew where there is none.
+
+    Importing PyTorch and PyG takes seconds, so a server that does it once for all workers of this process pays. It runs
+    no threads, so to copy it is safe, which to copy this process would not be.
+    """
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    main = getattr(sys.modules["__main__"], "__spec__", None)
+    if main is not None:
+        # Workers import the main module; what that imports is then there already.
+        modules = [*modules, main.name]
+    context.set_forkserver_preload([module for module in modules if module != "__main__"])
+    return context
+
+
+@contextlib.contextmanager
+def _conditions_for_workers() -> Iterator[None]:
+    """Let processes that are started here inherit one thread each, and deafness to Ctrl-C, which is this process's."""
+    before = {name: os.environ.get(name) for name in THREAD_COUNTS}
+    os.environ.update(dict.fromkeys(THREAD_COUNTS, "1"))
+    # Blocked rather than ignored, an interruption in between still reaches this process afterwards.
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if hasattr(signal, "pthread_sigmask") else None
+    try:
+        yield
+    finally:
+        if mask is not None:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+_function: Callable[[int], Any]
+_stop: Event
+
+
+def _start_worker(message: bytes, stop: Event) -> None:
+    global _function, _stop
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    _function, _stop = pickle.loads(message), stop
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _run_chunk(indices: Sequence[int]) -> list[Any]:
+    results = []
+    for index in indices:
+        if _stop.is_set():
+            break
+        results.append(_function(index))
+    return results
