@@ -2,157 +2,18 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Mapping
-from importlib.metadata import version
-from pathlib import Path
-from typing import Any
+from omegaconf import DictConfig
 
-from hydra.utils import instantiate
-from lightning_fabric import seed_everything
-from omegaconf import DictConfig, OmegaConf
-
-from sgbd.checkpoint import Checkpoint
-from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
-from sgbd.data import SuperpixelGraphDataset
-from sgbd.evaluation import Evaluation, Evaluator
-from sgbd.models import EdgeClassifier, ObjectnessHead
-from sgbd.plot import curves_figure
-from sgbd.prepare import frame_source, prepare_splits
-from sgbd.recipe import describe
-from sgbd.results import draw_examples, example_frames, write_evaluation, write_figure
-from sgbd.segmenter import Segmenter
+from sgbd.configuration import entry_point, output_folder
+from sgbd.experiment import run_experiment
 from sgbd.sweep import run_once
-from sgbd.training import Trainer, TrainingResult
-
-log = logging.getLogger(__name__)
-
-TRAINING_FIELDS = ("x", "edge_index", "edge_attr", "edge_label_index", "edge_label", "node_instance")
-
-
-def train_job(config: DictConfig, folder: Path) -> dict[str, Any]:
-    """Prepare, train and evaluate as configured.
-
-    Args:
-        config: A configuration with the keys of conf/train.yaml.
-        folder: Where checkpoint, curves, scores and pictures go.
-
-    Returns:
-        What `result.json` holds: scores, parameters, best epoch and the checkpoint's file name.
-
-    Raises:
-        ConfigurationError: If the dataset has no training split.
-    """
-    workers = count_workers(config.workers)
-    splits = frame_source(config.dataset, workers).splits
-    if "train" not in splits:
-        raise ConfigurationError(
-            f"the dataset has no training frames, only {', '.join(splits)}. Choose another dataset, or score a trained "
-            "model on this one: python -m sgbd.evaluate"
-        )
-    cache = prepare_splits(config, splits)
-    features = OmegaConf.to_container(config.features, resolve=True)
-    assert isinstance(features, dict)
-
-    def graphs(split: str, fields: tuple[str, ...] | None = None) -> SuperpixelGraphDataset:
-        return SuperpixelGraphDataset(cache, split, features["node"], features["edge"], config.in_memory, fields)
-
-    training = graphs("train", TRAINING_FIELDS)
-    seed_everything(config.seed, verbose=False)
-    channels = {"node_channels": training.node_channels, "edge_channels": training.edge_channels}
-    model: EdgeClassifier = instantiate(config.model, **channels)
-    objectness: ObjectnessHead | None = None
-    if config.objectness is not None:
-        objectness = instantiate(config.objectness, node_channels=training.node_channels)
-    partition, rule = instantiate(config.partition), instantiate(config.objects)
-    trainer: Trainer = instantiate(config.trainer)
-
-    validate = None
-    if "val" in splits:
-        validation, judge = graphs("val"), Evaluator(partition, rule, boundaries=False)
-
-        def validate(model: EdgeClassifier, objectness: ObjectnessHead | None) -> Mapping[str, float]:
-            scores = judge(validation, model, objectness).scores
-            return {name.removeprefix("all/"): value for name, value in scores.items()}
-    else:
-        log.warning("the dataset has no validation frames: the last epoch's weights are kept")
-
-    trained = trainer.train(
-        model,
-        training,
-        sampler=instantiate(config.sampler),
-        folder=folder,
-        recipe={
-            "superpixels": describe(instantiate(config.superpixels), "superpixels"),
-            "graph": describe(instantiate(config.graph), "graph"),
-            "features": features,
-            "model": {**_plain(config.model), **channels},
-            "objectness": (
-                None if objectness is None else {**_plain(config.objectness), "node_channels": training.node_channels}
-            ),
-            "partition": _plain(config.partition),
-            "objects": _plain(config.objects),
-            "dataset": training.recipe["dataset"],
-            "seed": config.seed,
-            "versions": {package: version(package) for package in ("sgbd", "torch", "torch-geometric")},
-        },
-        objectness=objectness,
-        validate=validate,
-        loggers=[instantiate(logger) for logger in config.logger.values()],
-    )
-    _draw_curves(trained, folder)
-    outcome = {
-        "checkpoint": trained.checkpoint.name,
-        "parameters": sum(parameter.numel() for parameter in model.parameters()),
-        "best_epoch": trained.best_epoch,
-        "validation_score": trained.best_score,
-    }
-    if "test" not in splits:
-        log.warning("the dataset has no test frames: nothing is evaluated")
-        return {**outcome, "scores": {}}
-    evaluation = _test(config, graphs("test"), trained, folder, workers)
-    return {**outcome, "scores": evaluation.scores}
-
-
-def _test(
-    config: DictConfig, dataset: SuperpixelGraphDataset, trained: TrainingResult, folder: Path, workers: int
-) -> Evaluation:
-    """Score the best epoch's checkpoint, as read from its file, on the test frames."""
-    segmenter = Segmenter(Checkpoint.load(trained.checkpoint, trust=_packages(config)), trust=_packages(config))
-    evaluate = Evaluator(segmenter.partition, segmenter.rule)
-    evaluation = evaluate(dataset, segmenter.model, segmenter.objectness, progress=True)
-    write_evaluation(evaluation, folder)
-    source = frame_source(config.dataset, workers, "test")
-    draw_examples(example_frames(evaluation, config.pictures), evaluation, source, segmenter, folder)
-    return evaluation
-
-
-def _draw_curves(trained: TrainingResult, folder: Path) -> None:
-    shown = ("loss", "edge_loss", "objectness_loss", "val/overlap_f", "val/unaided/overlap_f", "val/oracle/overlap_f")
-    history = trained.history
-    curves = {
-        name: list(zip(history["epoch"], history[name], strict=True)) for name in shown if name in history.columns
-    }
-    write_figure(curves_figure(curves, f"best epoch {trained.best_epoch}"), folder / "curves.png")
-
-
-def _plain(config: DictConfig) -> dict[str, Any]:
-    values = OmegaConf.to_container(config, resolve=True)
-    assert isinstance(values, dict)
-    return {str(key): value for key, value in values.items()}
-
-
-def _packages(config: DictConfig) -> tuple[str, ...]:
-    """Packages whose classes the configuration names: whoever wrote it trusts them."""
-    groups = (config.superpixels, config.graph, config.model, config.objectness, config.partition)
-    return tuple({group._target_.partition(".")[0] for group in groups if group is not None})
 
 
 @entry_point("train")
 def main(config: DictConfig) -> float | None:
     """Train once, or find the result of the same training, and say how it went."""
     folder = output_folder()
-    result = run_once(folder, config, train_job)
+    result = run_once(folder, config, run_experiment)
     scores = result["scores"]
     if scores:
         print(f"\nScores on the test frames, per cent:\n\n{(folder / 'scores.md').read_text()}")

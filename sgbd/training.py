@@ -132,9 +132,9 @@ class Trainer:
             thread gains little on an idle machine, and costs an order of magnitude on a busy one.
         accelerator: `cpu`, `gpu`, `auto` or another of Fabric's.
         devices: Number of devices, one process each.
-        strategy: Fabric's name of how they work together: `auto` for one device; `ddp_fork` for several, or `ddp_spawn`
-            where processes cannot be forked and all that is given to `train` can be pickled. Then only the training
-            itself runs in several processes, and the caller's program in one.
+        strategy: Fabric's name of how they work together; `auto` is `ddp_spawn` for several devices, and all that is
+            given to `train` must be picklable. `ddp_fork` starts faster on CPUs. Either way only the training itself
+            runs in several processes, and the caller's program in one.
         precision: Fabric's name of the precision, such as `32-true` or `bf16-mixed`.
         log_every: Steps between two entries of the loss in the logs.
         progress: Whether to show a progress bar.
@@ -169,6 +169,11 @@ class Trainer:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < least:
                 raise ValueError(f"trainer.{name} must be an integer of at least {least}; got {value!r}")
+        if self.devices > 1 and self.strategy == "ddp":
+            raise ValueError(
+                "trainer.strategy=ddp starts the whole program anew in every process, with its preparation and its "
+                "evaluation. Use ddp_spawn (or ddp_fork on CPUs): only the training runs in several processes."
+            )
         if "fork" in self.strategy and self.threads > 1:
             raise ValueError(
                 f"trainer.threads must be 1 with trainer.strategy={self.strategy}; got {self.threads}. The pool of "
@@ -264,7 +269,7 @@ class Trainer:
             fabric = Fabric(
                 accelerator=self.accelerator,
                 devices=self.devices,
-                strategy=self.strategy,
+                strategy="ddp_spawn" if self.strategy == "auto" and self.devices > 1 else self.strategy,
                 precision=self.precision,  # type: ignore[arg-type]
                 loggers=[make(root_dir=folder) for make in loggers],
             )

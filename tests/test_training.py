@@ -349,6 +349,11 @@ def test_impossible_settings_are_refused(options: dict[str, Any]) -> None:
         Trainer(**options)
 
 
+def test_a_strategy_that_starts_the_program_anew_is_refused() -> None:
+    with pytest.raises(ValueError, match="starts the whole program anew.*ddp_spawn"):
+        Trainer(devices=2, strategy="ddp")
+
+
 def test_logs_and_history_files(tmp_path: Path) -> None:
     loggers = [instantiate(OmegaConf.load(CONF / "logger" / f"{name}.yaml"))[name] for name in ("csv", "tensorboard")]
     assert [make.func for make in loggers] == [CSVLogger, TensorBoardLogger]
