@@ -33,8 +33,8 @@ ROW, COLUMN, CENTRE = 3, 4, 5
 # The coefficients of a form: of the three features and the position, in the same order, and of 1.
 CONSTANT, FORM = 5, 6
 
-BATCH = 256
-"""Pixels that are compared with their nine centres at a time: what stays in the fastest cache."""
+BATCH = 512
+"""Pixels that are compared with their nine centres at a time: as many as stay in the fastest cache."""
 
 FAR = np.float32(1e4)
 """Squared distance of a valid pixel to a centre that knows no depth: farther than any centre that does."""
@@ -260,11 +260,13 @@ def assign(planes, tops, lefts, near, forms, values, distances, found, labels, f
             filled = width
         for start in range(top, bottom, batch):
             rows = batch if batch < bottom - start else bottom - start
-            for k in range(rows):
-                for plane in range(3):
-                    target, source = values[plane, k * width :], planes[plane, start + k, left:]
-                    for column in range(width):
-                        target[column] = source[column]
+            # Unsigned indices need no check for counting from the end, which would keep the loops from being vectors.
+            for plane in range(3):
+                target, source = values[plane], planes[plane]
+                for k in range(rows):
+                    begin, row, from_column = np.uint64(k * width), np.uint64(start + k), np.uint64(left)
+                    for column in range(np.uint64(width)):
+                        target[begin + column] = source[row, from_column + column]
             _nearest_of_nine(values, tops[0], start, left, near[cell], forms, distances, found[: rows * width])
             for k in range(rows):
                 target, source = labels[start + k, left : left + width], found[k * width : (k + 1) * width]
