@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import functools
 import os
+import shlex
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -145,5 +146,5 @@ def _how_to_continue() -> str:
     settings = HydraConfig.get() if HydraConfig.initialized() else None
     if settings is None or settings.mode != RunMode.RUN or settings.job.name != "train":
         return kept + "repeat the command to go on."
-    overrides = " ".join([*settings.overrides.task, f"hydra.run.dir={settings.runtime.output_dir}"])
+    overrides = shlex.join([*settings.overrides.task, f"hydra.run.dir={settings.runtime.output_dir}"])
     return f"{kept}go on with: python -m sgbd.{settings.job.name} {overrides}"

@@ -43,6 +43,8 @@ PLACES = ("data_dir", "cache_dir", "output_dir")
 IMMATERIAL = ("name", "workers", "logger", "in_memory", "pictures")
 """Keys that don't change the result either."""
 
+IMMATERIAL_IN_TRAINER = ("num_workers", "log_every", "progress")
+
 PER_CENT = 100
 """Scores are shares; tables and figures for people show per cent."""
 
@@ -63,6 +65,9 @@ def config_hash(config: DictConfig) -> str:
     with open_dict(material):
         for key in IMMATERIAL:
             material.pop(key, None)
+        for key in IMMATERIAL_IN_TRAINER:
+            if isinstance(material.get("trainer"), DictConfig):
+                material.trainer.pop(key, None)
         for key in PLACES:
             if key in material:
                 # Not removed: other values are interpolated from these, and move with them.
@@ -378,7 +383,7 @@ def draw(summary: pd.DataFrame, scores: Sequence[str]) -> Figure:
         axes.set_ylabel(", ".join(overrides))
         axes.set_xlabel("%")
     axes.grid(alpha=0.3)
-    figure.legend(loc="outside upper center", ncols=len(scores), frameon=False)
+    figure.legend(loc="outside upper center", ncols=3, frameon=False)
     return figure
 
 

@@ -29,6 +29,12 @@ def test_hash_ignores_what_cannot_change_the_result(change):
     assert config_hash(config(**change)) == config_hash(config(**{key: None for key in change if key not in CONFIG}))
 
 
+def test_hash_ignores_how_the_trainer_reads_and_reports():
+    plain, talkative = ({"epochs": 3, "progress": shown, "num_workers": 2 * shown} for shown in (False, True))
+    assert config_hash(config(trainer=plain)) == config_hash(config(trainer=talkative))
+    assert config_hash(config(trainer=plain)) != config_hash(config(trainer={**plain, "epochs": 4}))
+
+
 @pytest.mark.parametrize("change", [{"seed": 1}, {"rate": 0.2}, {"dataset": {"root": "${data_dir}/other"}}, {"new": 1}])
 def test_hash_sees_everything_else(change):
     assert config_hash(config(**change)) != config_hash(config())
