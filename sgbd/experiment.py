@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -30,17 +29,17 @@ from sgbd.training import Trainer, TrainingResult
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
 class Validation:
-    """Scores of the validation graphs after an epoch. A class, not a closure: processes are sent it.
+    """Scores of the validation graphs after an epoch. A class, not a closure: training processes are sent it.
 
-    Attributes:
+    Args:
         graphs: The validation graphs.
         evaluate: What scores them.
     """
 
-    graphs: SuperpixelGraphDataset
-    evaluate: Evaluator
+    def __init__(self, graphs: SuperpixelGraphDataset, evaluate: Evaluator) -> None:
+        self.graphs = graphs
+        self.evaluate = evaluate
 
     def __call__(self, model: EdgeClassifier, objectness: ObjectnessHead | None) -> Mapping[str, float]:
         """Return the scores, those over all objects without a prefix."""

@@ -67,7 +67,9 @@ def write_evaluation(evaluation: Evaluation, folder: Path) -> None:
 def markdown(evaluation: Evaluation) -> str:
     """Return the scores in per cent as a Markdown table, a row for each protocol."""
     table = score_table(evaluation.scores)
-    return table.to_markdown(floatfmt=".1f", missingval="", headers=[str(name).replace("_", " ") for name in table])
+    cells = table.map(lambda value: "–" if np.isnan(value) else f"{value:.1f}")
+    cells.columns = [str(name).replace("_", " ") for name in table]
+    return cells.to_markdown(disable_numparse=True, colalign=["left"] + ["right"] * len(table.columns))
 
 
 def example_frames(evaluation: Evaluation, count: int) -> list[str]:
