@@ -47,9 +47,11 @@ class Recipe:
     seed: int
 
     def __post_init__(self) -> None:
-        """Check the values and make the pairs tuples."""
-        object.__setattr__(self, "objects", _pair("objects", self.objects, "least and largest number of objects"))
-        object.__setattr__(self, "resolution", _pair("resolution", self.resolution, "width and height in pixels"))
+        """Check the values.
+
+        Raises:
+            ValueError: If one is out of range.
+        """
         for name in ("train_frames", "val_frames", "test_frames", "seed"):
             if getattr(self, name) < 0:
                 raise ValueError(f"{name} must not be negative; got {getattr(self, name)}")
@@ -95,8 +97,12 @@ class Recipe:
         return hashlib.sha256(json.dumps(self.as_dict(), sort_keys=True).encode()).hexdigest()[:10]
 
 
-def _pair(name: str, value: Sequence[int], meaning: str) -> tuple[int, int]:
-    values = tuple(int(number) for number in value)
-    if len(values) != 2:
+def pair(name: str, value: Sequence[int], meaning: str) -> tuple[int, int]:
+    """Return two numbers given as any sequence.
+
+    Raises:
+        ValueError: If they are not two; the message has the option's name and meaning.
+    """
+    if len(value) != 2:
         raise ValueError(f"{name} must be two numbers, {meaning}; got {list(value)}")
-    return values
+    return int(value[0]), int(value[1])

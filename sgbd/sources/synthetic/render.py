@@ -133,6 +133,7 @@ class Scene:
         self.owner = np.concatenate(owner)
         self._turns = np.stack([item.turn for item in self.items]).astype(np.float32)
         self._shifts = np.stack([item.shift for item in self.items]).astype(np.float32)
+        self._gloss = np.array([item.part.texture.gloss for item in self.items], dtype=np.float32)
         self._embree = EmbreeScene()
         # The scene keeps a pointer only: the mesh must outlive it.
         self._mesh = TriangleMesh(self._embree, self.corners)
@@ -194,6 +195,7 @@ class Scene:
             ambient.astype(np.float32),
             colour,
         )
+        colour[part < 0] = 0
         labels = np.where(part >= 0, self.labels[part], 0).astype(np.int32)
         return Rendering(
             colour.reshape(height, width, 3),
@@ -214,19 +216,18 @@ class Scene:
         )
         return (hit < 0).astype(np.float32)
 
-    def _surface(self, points: Floats, normals: Floats, owner: npt.NDArray[np.int32]) -> tuple[Floats, Floats]:
+    def _surface(self, points: Floats, normals: Floats, part: npt.NDArray[np.int32]) -> tuple[Floats, Floats]:
         """Return colour [n, 3], gamma encoded, and gloss [n]: each visible part's texture is asked once."""
-        colours = np.zeros(points.shape, dtype=np.float32)
-        gloss = np.zeros(len(points), dtype=np.float32)
-        order = np.argsort(owner.astype(np.int16), kind="stable")  # 16 bits are sorted by radix
-        bounds = np.searchsorted(owner[order], np.arange(len(self.items) + 1))
+        order = np.argsort(part.astype(np.int16), kind="stable")  # 16 bits are sorted by radix
+        bounds = np.searchsorted(part[order], np.arange(len(self.items) + 1))
+        own_points, own_normals, sorted_colours = (np.zeros_like(points) for _ in range(3))
+        shading.to_own_frames(order, part, points, normals, self._turns, self._shifts, own_points, own_normals)
         for index in np.flatnonzero(np.diff(bounds)):
-            pixels = order[bounds[index] : bounds[index + 1]]
-            turn, shift = self._turns[index], self._shifts[index]
-            texture = self.items[index].part.texture
-            colours[pixels] = texture((points[pixels] - shift) @ turn, normals[pixels] @ turn)
-            gloss[pixels] = texture.gloss
-        return colours, gloss
+            pixels = slice(bounds[index], bounds[index + 1])
+            sorted_colours[pixels] = self.items[index].part.texture(own_points[pixels], own_normals[pixels])
+        colours = np.empty_like(points)
+        colours[order] = sorted_colours
+        return colours, np.where(part >= 0, self._gloss[part], np.float32(0))
 
 
 def _corner_normals(triangles: npt.NDArray[np.float64], faces: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:

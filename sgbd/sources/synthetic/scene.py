@@ -12,7 +12,7 @@ import numpy.typing as npt
 from sgbd.frame import SUPPORT, Intrinsics
 from sgbd.sources.synthetic import colours, sensor
 from sgbd.sources.synthetic.physics import Pose, UnstableSimulationError, settle
-from sgbd.sources.synthetic.render import Camera, Light, Scene
+from sgbd.sources.synthetic.render import Camera, Light, Rendering, Scene
 from sgbd.sources.synthetic.room import Placed, Room, random_room
 from sgbd.sources.synthetic.shapes import SHAPES, Shape
 from sgbd.sources.synthetic.table import Table, random_table
@@ -107,7 +107,9 @@ def photograph(
         resolution: Width and height, pixels.
         seed: Fixes the result.
     """
+    # A stream each for the scene and for the camera that records it: the same scenes under every sensor.
     rng = np.random.default_rng([*_words(seed), 1 << 20])
+    recorder = np.random.default_rng([*_words(seed), 1 << 21])
     room = random_room(arrangement.table, rng)
     items = list(room.items)
     labels = [0] * len(items)
@@ -119,13 +121,14 @@ def photograph(
         labels += [SUPPORT + 1 + k] * len(shape.parts)
     scene = Scene(items, labels)
     lights, ambient = _lighting(room, arrangement.table, rng)
-    look = _look(sensor_name, rng)
+    look = _look(sensor_name, recorder)
     pictures = []
     first = rng.uniform(0, 2 * np.pi)
     for k in range(views):
         # The views go around the table, each somewhere in its own sector.
         camera = _camera(scene, arrangement, room, resolution, (first + 2 * np.pi * k / views, np.pi / views), rng)
-        pictures.append(_picture(scene, camera, lights, ambient, look, sensor_name, rng))
+        rendering = scene.render(camera, lights, ambient, rng)
+        pictures.append(_recorded(rendering, camera, look, sensor_name, recorder))
     return pictures
 
 
@@ -218,16 +221,7 @@ def _camera(
     return best[1]
 
 
-def _picture(
-    scene: Scene,
-    camera: Camera,
-    lights: list[Light],
-    ambient: npt.NDArray[np.float32],
-    look: _Look,
-    sensor_name: str,
-    rng: np.random.Generator,
-) -> View:
-    rendering = scene.render(camera, lights, ambient, rng)
+def _recorded(rendering: Rendering, camera: Camera, look: _Look, sensor_name: str, rng: np.random.Generator) -> View:
     # Exposed for what lies on the table, as a camera that looks at it would be.
     weight = np.where(rendering.label >= SUPPORT, np.float32(1), np.float32(0.25))
     colour = sensor.exposed(rendering.colour, weight, look.middle)

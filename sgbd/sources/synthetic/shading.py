@@ -88,6 +88,40 @@ def surface_points(
 
 
 @compiled
+def to_own_frames(
+    order: npt.NDArray[np.int64],
+    part: Integers,
+    points: Floats,
+    normals: Floats,
+    turns: Floats,
+    shifts: Floats,
+    own_points: Floats,
+    own_normals: Floats,
+) -> None:
+    """Express points and normals in the frames of their parts.
+
+    Args:
+        order: int64 [n], which point comes where in what is written.
+        part: int32 [n]; -1 nothing.
+        points: float32 [n, 3].
+        normals: float32 [n, 3].
+        turns: float32 [P, 3, 3], from each part's frame to the room's.
+        shifts: float32 [P, 3].
+        own_points: float32 [n, 3], written in the given order.
+        own_normals: float32 [n, 3], the same.
+    """
+    for k in range(len(order)):
+        n = order[k]
+        if part[n] < 0:
+            continue
+        turn, shift = turns[part[n]], shifts[part[n]]
+        x, y, z = points[n, 0] - shift[0], points[n, 1] - shift[1], points[n, 2] - shift[2]
+        for c in range(3):
+            own_points[k, c] = x * turn[0, c] + y * turn[1, c] + z * turn[2, c]
+            own_normals[k, c] = normals[n, 0] * turn[0, c] + normals[n, 1] * turn[1, c] + normals[n, 2] * turn[2, c]
+
+
+@compiled
 def rays_to_samples(starts: Floats, samples: Floats, width: int, tile: int, rays: Floats) -> None:
     """Write the rays [n, 3] from each start to the sample [tile * tile, 3] of its pixel's place in the tile."""
     for n in range(len(starts)):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
 
-from sgbd.sources.errors import DatasetNotFoundError
 from sgbd.sources.synthetic import generation
-from sgbd.sources.synthetic.recipe import Recipe
+from sgbd.sources.synthetic.recipe import Recipe, pair
 from sgbd.sources.tod import Tod
 
 
@@ -45,6 +45,11 @@ class Tabletop(Tod):
         ValueError: If a value is out of range.
     """
 
+    remedy = (
+        "Generate the frames with Tabletop(...).generate(), or python -m sgbd.prepare dataset=tabletop; this needs "
+        "pip install 'sgbd[synthetic]'. What is already there is not made again."
+    )
+
     def __init__(
         self,
         root: str | Path,
@@ -66,8 +71,8 @@ class Tabletop(Tod):
             val_frames=val_frames,
             test_frames=test_frames,
             views_per_scene=views_per_scene,
-            objects=(objects[0], objects[-1]) if len(objects) == 2 else tuple(objects),  # type: ignore[arg-type]
-            resolution=tuple(resolution),  # type: ignore[arg-type]
+            objects=pair("objects", objects, "least and largest number"),
+            resolution=pair("resolution", resolution, "width and height in pixels"),
             sensor=sensor,
             seed=seed,
         )
@@ -86,7 +91,7 @@ class Tabletop(Tod):
         It needs the packages of the extra `sgbd[synthetic]`. Killed, it continues where it stopped.
 
         Args:
-            workers: Processes; None for one a core. It does not change the frames.
+            workers: Processes; None for one a core, 0 for this one alone. It does not change the frames.
             progress: Whether to show a progress bar.
 
         Raises:
@@ -95,18 +100,10 @@ class Tabletop(Tod):
         """
         generation.generate(self.root, self.recipe, workers, progress)
 
-    def require_generated(self) -> None:
-        """Check that all frames are there.
-
-        Raises:
-            DatasetNotFoundError: If not; the message says how to make them.
-        """
+    @cached_property
+    def _lists(self) -> dict[str, Path]:
         if not self.generated:
-            started = self.root.is_dir()
-            raise DatasetNotFoundError(
-                self.root,
-                "its generation was not finished" if started else "the synthetic frames have not been generated",
-                self.layout,
-                "Generate them with Tabletop(...).generate(), or python -m sgbd.prepare dataset=tabletop; this needs "
-                "pip install 'sgbd[synthetic]'. What is already there is not made again.",
+            raise self._not_found(
+                "its generation was not finished" if self.root.is_dir() else "its frames have not been generated"
             )
+        return super()._lists

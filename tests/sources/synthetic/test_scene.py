@@ -1,0 +1,114 @@
+"""Drawing scenes anew, and what pictures of them hold."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco", reason="needs the extra sgbd[synthetic]")
+pytest.importorskip("embreex", reason="needs the extra sgbd[synthetic]")
+pytest.importorskip("trimesh", reason="needs the extra sgbd[synthetic]")
+
+from sgbd.sources.categories import TODZ_SEEN
+from sgbd.sources.synthetic import scene
+from sgbd.sources.synthetic.physics import UnstableSimulationError
+
+SEEN = tuple(sorted(TODZ_SEEN))
+
+
+def seed(number: int = 0) -> np.random.SeedSequence:
+    return np.random.SeedSequence([7, number])
+
+
+def test_a_blown_up_simulation_is_drawn_again_from_another_seed(monkeypatch: pytest.MonkeyPatch) -> None:
+    settle, calls = scene.settle, []
+
+    def explode_once(shapes: list, table: object, rng: np.random.Generator) -> list:
+        calls.append(([shape.category for shape in shapes], table))
+        if len(calls) == 1:
+            raise UnstableSimulationError("an object moves at 99 m/s")
+        return settle(shapes, table, rng)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(scene, "settle", explode_once)
+    arrangement = scene.arrange(SEEN, (2, 4), seed())
+    assert arrangement.attempt >= 1
+    assert calls[0][1].size != calls[1][1].size  # type: ignore[attr-defined]
+    assert arrangement.table.size == calls[-1][1].size  # type: ignore[attr-defined]
+
+
+def test_too_few_objects_on_the_table_are_drawn_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    settle, calls = scene.settle, []
+
+    def lose_all_once(shapes: list, table: object, rng: np.random.Generator) -> list:
+        calls.append(table)
+        return [None] * len(shapes) if len(calls) == 1 else settle(shapes, table, rng)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(scene, "settle", lose_all_once)
+    assert len(scene.arrange(SEEN, (2, 3), seed()).shapes) >= 2
+    assert len(calls) >= 2
+
+
+def test_a_recipe_that_never_works_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    def explode(*_: object) -> list:
+        raise UnstableSimulationError("a position or a speed is not finite")
+
+    monkeypatch.setattr(scene, "settle", explode)
+    with pytest.raises(scene.SceneError, match="2 to 3 objects came to rest in 50 draws; .*not finite"):
+        scene.arrange(SEEN, (2, 3), seed())
+
+
+def test_the_number_of_objects_lies_in_the_range() -> None:
+    for number in range(3):
+        arrangement = scene.arrange(SEEN, (3, 5), seed(number))
+        assert 3 <= len(arrangement.shapes) <= 5
+        assert {shape.category for shape in arrangement.shapes} <= TODZ_SEEN
+
+
+@pytest.fixture(scope="module")
+def arrangement() -> scene.Arrangement:
+    return scene.arrange(SEEN, (4, 6), seed(1))
+
+
+def test_pictures_show_the_objects_from_several_sides(arrangement: scene.Arrangement) -> None:
+    views = scene.photograph(arrangement, 3, "clean", (160, 120), seed(1))
+    assert len(views) == 3
+    for view in views:
+        assert view.rgb.shape == (120, 160, 3)
+        assert view.depth.shape == view.segmentation.shape == (120, 160)
+        assert view.segmentation.max() <= 1 + len(arrangement.shapes)
+        assert len(np.unique(view.segmentation[view.segmentation > 1])) >= min(4, len(arrangement.shapes))
+        assert (view.depth > 0).all()
+        assert 25 < view.rgb.mean() < 225
+        assert view.rgb.std() > 8
+    places = np.stack([view.camera.position for view in views])
+    assert np.linalg.norm(places[0] - places[1]) > 0.3
+
+
+def test_depth_and_pose_agree(arrangement: scene.Arrangement) -> None:
+    """Every table pixel, back-projected, lies on the table's top or on its sides and legs below."""
+    view = scene.photograph(arrangement, 1, "clean", (160, 120), seed(1))[0]
+    rays = view.camera.rays()
+    points = view.camera.position + rays * (view.depth[..., None] / 1000)
+    table = points[view.segmentation == 1]
+    assert table[:, 2].max() == pytest.approx(arrangement.table.height, abs=0.003)
+    assert (np.abs(table[:, 2] - arrangement.table.height) < 0.003).mean() > 0.5
+    for k, (shape, pose) in enumerate(zip(arrangement.shapes, arrangement.poses, strict=True)):
+        pixels = points[view.segmentation == 2 + k]
+        assert (np.linalg.norm(pixels - pose.position, axis=1) < shape.radius + 0.003).all()
+
+
+def test_the_structured_light_sensor_loses_some_depth_and_no_labels(arrangement: scene.Arrangement) -> None:
+    clean, kinect = (scene.photograph(arrangement, 1, name, (160, 120), seed(1))[0] for name in ("clean", "kinect"))
+    np.testing.assert_array_equal(clean.segmentation, kinect.segmentation)
+    missing = (kinect.depth == 0).mean()
+    assert 0.005 < missing < 0.6
+    valid = kinect.depth > 0
+    error = np.abs(kinect.depth.astype(float) - clean.depth)[valid]
+    assert 0 < np.median(error) < 60
+
+
+def test_the_same_seed_gives_the_same_pictures(arrangement: scene.Arrangement) -> None:
+    first, again = (scene.photograph(arrangement, 1, "kinect", (80, 64), seed(2))[0] for _ in range(2))
+    np.testing.assert_array_equal(first.rgb, again.rgb)
+    np.testing.assert_array_equal(first.depth, again.depth)
+    np.testing.assert_array_equal(first.segmentation, again.segmentation)
