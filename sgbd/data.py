@@ -173,6 +173,12 @@ class SuperpixelGraphDataset(Dataset):
             raise ValueError("an empty dataset has no feature statistics")
         return FeatureMoments(nodes.mean.float(), nodes.std().float(), edges.mean.float(), edges.std().float())
 
+    def __copy__(self) -> SuperpixelGraphDataset:
+        # What PyG makes sub-datasets with: they share the graphs in memory.
+        copied = type(self).__new__(type(self))
+        copied.__dict__.update(self.__dict__)
+        return copied
+
     def __getstate__(self) -> dict[str, Any]:
         # Graphs in memory are read again by a process that gets this dataset: cheaper than to send them.
         return {**self.__dict__, "_graphs": {}}

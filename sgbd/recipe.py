@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from sgbd.compiled import HAS_NUMBA
 from sgbd.features import EDGE_GROUPS, NODE_GROUPS
 from sgbd.graph_file import FORMAT_VERSION
 from sgbd.sources.source import FrameSource
@@ -64,6 +65,8 @@ def graph_recipe(source: FrameSource, superpixels: object, graph: object) -> Rec
         "edge_groups": {group: list(names) for group, names in EDGE_GROUPS.items()},
         "code": code_digest([type(source).__module__, *_modules(components)]),
         "versions": {package: _minor_version(package) for package in VERSIONED_PACKAGES},
+        # Without Numba, scikit-image's SLIC stands in for the compiled one.
+        "compiled": HAS_NUMBA,
     }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import inspect
 import multiprocessing
 import os
@@ -15,7 +16,6 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.context import BaseContext
-from multiprocessing.synchronize import Event
 from typing import Any, TypeVar
 
 Result = TypeVar("Result")
@@ -80,7 +80,8 @@ def _map_in_processes(
     size = max(1, min(8, len(indices) // (4 * workers)))
     chunks = [indices[start : start + size] for start in range(0, len(indices), size)]
     context = _start_method(modules)
-    stop = context.Event()
+    # Without a lock, which a worker that is killed could take with it.
+    stop = context.RawValue(ctypes.c_bool, False)
     pool = ProcessPoolExecutor(workers, context, initializer=_start_worker, initargs=(message, stop))
     in_flight: deque[Future[list[Any]]] = deque()
     try:
@@ -97,7 +98,7 @@ def _map_in_processes(
             "one, stands above). Use fewer workers, or workers=0 to see what happens."
         ) from error
     finally:
-        stop.set()
+        stop.value = True
         pool.shutdown(wait=True, cancel_futures=True)
 
 
@@ -138,10 +139,10 @@ def _conditions_for_workers() -> Iterator[None]:
 
 
 _function: Callable[[int], Any]
-_stop: Event
+_stop: ctypes.c_bool
 
 
-def _start_worker(message: bytes, stop: Event) -> None:
+def _start_worker(message: bytes, stop: ctypes.c_bool) -> None:
     global _function, _stop
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -158,7 +159,7 @@ def _end_with_parent() -> None:
 def _run_chunk(indices: Sequence[int]) -> list[Any]:
     results = []
     for index in indices:
-        if _stop.is_set():
+        if _stop.value:
             break
         results.append(_function(index))
     return results

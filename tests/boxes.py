@@ -73,5 +73,5 @@ class SlowGrid(Grid):
     """A grid that takes its time, so that a test can interrupt it."""
 
     def __call__(self, frame: Frame) -> npt.NDArray[np.int32]:
-        time.sleep(0.15)
+        time.sleep(0.1)
         return super().__call__(frame)

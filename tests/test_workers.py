@@ -68,6 +68,12 @@ def test_a_killed_worker_is_an_error_that_says_so() -> None:
         list(map_in_order(die_at_seven, range(20), 1))
 
 
+def test_a_pool_with_a_killed_worker_ends_however_often(tmp_path: Path) -> None:
+    for _ in range(5):
+        with pytest.raises(WorkerError, match="a worker process died"):
+            list(map_in_order(die_at_seven, range(200), 3))
+
+
 def test_closing_stops_early() -> None:
     results = map_in_order(square, range(100_000), 2)
     assert next(results) == 0
