@@ -2,5 +2,6 @@
 
 from sgbd.superpixels.connect import connected_regions, intersect, merge_fragments
 from sgbd.superpixels.slic import Slic, Superpixels
+from sgbd.superpixels.slic_fast import FastSlic
 
-__all__ = ["Slic", "Superpixels", "connected_regions", "intersect", "merge_fragments"]
+__all__ = ["FastSlic", "Slic", "Superpixels", "connected_regions", "intersect", "merge_fragments"]

@@ -123,9 +123,14 @@ class FastSlic(Slic):
             )
         self.iterations = iterations
         self.subsample = subsample
-        self.threads = threads or min(2, available_processors())
+        self.threads = threads
         if not HAS_NUMBA:
             say_that_numba_is_missing()
+
+    @property
+    def thread_count(self) -> int:
+        """Threads that a call works in on this machine."""
+        return self.threads or min(2, available_processors())
 
     def __call__(self, frame: Frame) -> LabelMap:
         """Over-segment a frame.
@@ -138,10 +143,10 @@ class FastSlic(Slic):
         """
         if not HAS_NUMBA:
             return super().__call__(frame)
-        if self.threads == 1:
+        if self.thread_count == 1:
             return self._segment(frame, lambda jobs: [job() for job in jobs])
         # The pool lives as long as the call: one that lived longer would not survive a fork or a pickle.
-        with ThreadPoolExecutor(self.threads) as pool:
+        with ThreadPoolExecutor(self.thread_count) as pool:
             return self._segment(frame, lambda jobs: list(pool.map(lambda job: job(), jobs)))
 
     def _segment(self, frame: Frame, run: Run) -> LabelMap:
@@ -203,7 +208,8 @@ class FastSlic(Slic):
 
     def _bands(self, rows: int) -> list[tuple[int, int]]:
         """Cut rows into a band for each thread: its first row, and the row after its last."""
-        edges = [rows * k // self.threads for k in range(self.threads + 1)]
+        count = self.thread_count
+        edges = [rows * k // count for k in range(count + 1)]
         return list(pairwise(edges))
 
 
