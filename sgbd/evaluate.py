@@ -11,8 +11,8 @@ from sgbd.checkpoint import Checkpoint
 from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.evaluation import Evaluator
+from sgbd.pipeline import frame_source
 from sgbd.preparation import prepare
-from sgbd.prepare import frame_source
 from sgbd.results import draw_examples, example_frames, find_checkpoint, markdown, write_evaluation
 from sgbd.segmenter import Segmenter
 

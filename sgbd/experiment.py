@@ -19,8 +19,8 @@ from sgbd.data import SuperpixelGraphDataset
 from sgbd.evaluation import Evaluation, Evaluator
 from sgbd.features import EDGE_GROUPS, NODE_GROUPS
 from sgbd.models import EdgeClassifier, ObjectnessHead
+from sgbd.pipeline import frame_source, prepare_splits
 from sgbd.plot import curves_figure
-from sgbd.prepare import frame_source, prepare_splits
 from sgbd.recipe import describe
 from sgbd.results import draw_examples, example_frames, write_evaluation, write_figure
 from sgbd.segmenter import Segmenter

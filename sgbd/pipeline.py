@@ -1,0 +1,60 @@
+"""From a configuration to frames, and on to their prepared graphs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from hydra.utils import instantiate
+from omegaconf import DictConfig
+
+from sgbd.configuration import count_workers
+from sgbd.preparation import prepare
+from sgbd.sources import FrameSource
+
+
+def frame_source(dataset: DictConfig, workers: int, split: str | None = None) -> FrameSource:
+    """Open a split of the configured dataset; an embedded dataset that is not on disk yet is generated first.
+
+    Args:
+        dataset: What to instantiate.
+        workers: Processes for generating.
+        split: Which split; None for the dataset's own default.
+
+    Returns:
+        The frames.
+    """
+    options: dict[str, Any] = {} if split is None else {"split": split}
+    source: FrameSource = instantiate(dataset, **options)
+    generate = getattr(source, "generate", None)
+    if generate is not None:
+        generate(workers=max(workers, 1))
+    return source
+
+
+def prepare_splits(config: DictConfig, splits: Sequence[str]) -> Path:
+    """Prepare the graphs of some splits as configured, or find them prepared.
+
+    Args:
+        config: A configuration with the keys of conf/prepare.yaml.
+        splits: Their names.
+
+    Returns:
+        The folder of the recipe, which holds a folder for each split.
+    """
+    workers = count_workers(config.workers)
+    superpixels, graph = instantiate(config.superpixels), instantiate(config.graph)
+    folders = [
+        prepare(
+            frame_source(config.dataset, workers, split),
+            superpixels,
+            graph,
+            config.cache_dir,
+            workers=workers,
+            on_error=config.on_error,
+        )
+        for split in splits
+    ]
+    # All splits of a dataset have one recipe, and so one folder.
+    return folders[-1]
