@@ -124,7 +124,7 @@ def _sum_regions_compiled(label_map, rgb, depth, camera, count):  # type: ignore
                 blue_squared += b * b
                 z = np.float64(depth[row, column])
                 x = x_slopes[column] * z
-                valid += z > 0
+                valid += int(z > 0)
                 x_sum += x
                 z_sum += z
                 xx_sum += x * x
