@@ -199,12 +199,7 @@ def _add_solid(spec: mujoco.MjSpec, body: mujoco.MjsBody, solid: Solid, name: st
         )
         body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, density=density, **surface)
         return
-    kinds = {
-        "box": mujoco.mjtGeom.mjGEOM_BOX,
-        "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
-        "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
-        "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
-    }
+    kinds = {"box": mujoco.mjtGeom.mjGEOM_BOX, "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER}
     size = np.zeros(3)
     size[: len(solid.size)] = solid.size
     body.add_geom(

@@ -19,7 +19,7 @@ class Table:
 
     Attributes:
         round: Whether the top is a disc, else a rectangle.
-        size: Lengths of the top along x and y, metres (twice the diameter for a disc).
+        size: Lengths of the top along x and y, metres (both the diameter for a disc).
         height: Height of the top's surface above the floor, metres.
         parts: What is seen, in the room's frame.
     """
@@ -29,9 +29,9 @@ class Table:
     height: float
     parts: tuple[Part, ...]
 
-    def holds(self, position: npt.NDArray[np.float64], margin: float = 0.0) -> bool:
-        """Say whether a point lies above the top and at least `margin` metres from its edge."""
-        half = np.asarray(self.size) / 2 - margin
+    def holds(self, position: npt.NDArray[np.float64]) -> bool:
+        """Say whether a point lies above the top."""
+        half = np.asarray(self.size) / 2
         if self.round:
             inside = bool(np.hypot(position[0], position[1]) <= half[0])
         else:

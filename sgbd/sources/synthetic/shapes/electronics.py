@@ -411,7 +411,6 @@ def loudspeaker(rng: np.random.Generator) -> Shape:
     surround, cone = finishes.plastic(rng), finishes.plastic(rng)
     for size in sizes:
         z += room / (count + 1) + size
-        dish = [(0, 0.004), (0.35 * size, 0.006), (0.82 * size, 0.014), (0.82 * size, 0), (0, 0)]
         dish = [(0, 0), (0.84 * size, 0), (0.84 * size, 0.012), (0.3 * size, 0.004), (0.22 * size, 0.010), (0, 0.012)]
         parts.append(Part("driver", placed(lathe(dish, 28), (0, front - 0.004, z), "-y"), cone))
         parts.append(Part("surround", ring(0.8 * size, size, 0.016, (0, front - 0.009, z), "y", 28), surround))

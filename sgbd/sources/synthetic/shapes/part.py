@@ -35,9 +35,8 @@ class Solid:
     """A convex body for the physics.
 
     Attributes:
-        kind: `box`, `cylinder`, `capsule`, `ellipsoid` or `hull`.
-        size: Half lengths [3] of a box or ellipsoid; (radius, half height) of a cylinder or capsule; points [n, 3]
-            of a hull. Metres.
+        kind: `box`, `cylinder` or `hull`.
+        size: Half lengths [3] of a box; (radius, half height) of a cylinder; points [n, 3] of a hull. Metres.
         centre: Place in the object's frame.
         turn: Rotation [3, 3] in the object's frame.
     """
