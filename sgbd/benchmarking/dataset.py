@@ -1,0 +1,46 @@
+"""Frames as image files in a folder, for measuring preparation, training and evaluation on what a disk holds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from sgbd.benchmarking.frames import RawFrame
+from sgbd.configuration import ConfigurationError
+from sgbd.sources import Folder, LabelRule
+
+LARGEST_LABEL = 65534
+"""What a 16-bit label image can hold beside the label of ignored pixels."""
+
+IGNORED = 65535
+
+
+def write_dataset(frames: Sequence[RawFrame], count: int, root: Path) -> Folder:
+    """Write frames as PNG files, repeated until there are enough.
+
+    Args:
+        frames: The frames, with truth.
+        count: Files of each kind.
+        root: An empty folder.
+
+    Returns:
+        The frames as a source.
+
+    Raises:
+        ConfigurationError: If a frame has no truth.
+    """
+    for number in range(count):
+        raw = frames[number % len(frames)]
+        if raw.instances is None:
+            raise ConfigurationError(
+                f"frame {raw.name!r} has no label image, which training and evaluation need. Leave prepare, train and "
+                "evaluate out of sections, or measure on made-up scenes: frames=null"
+            )
+        labels = np.where(raw.instances < 0, IGNORED, np.minimum(raw.instances, LARGEST_LABEL)).astype(np.uint16)
+        for kind, array in (("rgb", raw.rgb), ("depth", raw.depth), ("labels", labels)):
+            Image.fromarray(array).save(root / f"{number:06d}_{kind}.png", compress_level=1)
+    rule = LabelRule(background=[0], support=[1], ignore=[IGNORED], objects=[f"2-{LARGEST_LABEL}"])
+    return Folder(root, labels=rule, intrinsics=frames[0].intrinsics)

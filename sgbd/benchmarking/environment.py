@@ -1,0 +1,90 @@
+"""What was measured on: the machine, and the versions of what does the work."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import psutil
+import torch
+
+from sgbd.configuration import ConfigurationError
+
+PACKAGES = ("sgbd", "numpy", "numba", "scipy", "scikit-image", "torch", "torch-geometric", "networkx")
+
+
+def environment() -> dict[str, Any]:
+    """Return the processor, the number of cores that may be used, the load, and versions.
+
+    Returns:
+        JSON values.
+    """
+    return {
+        "cpu": cpu_name(),
+        "cores": os.cpu_count(),
+        "cores_used": len(usable_cores()),
+        "torch_threads": torch.get_num_threads(),
+        "memory_gib": round(psutil.virtual_memory().total / 2**30, 1),
+        # Above the number of cores others were computing too: trust ratios more than times.
+        "load": round(psutil.getloadavg()[0], 2),
+        "system": platform.platform(),
+        "python": platform.python_version(),
+        "versions": {package: _version(package) for package in PACKAGES},
+    }
+
+
+def cpu_name() -> str:
+    """Return the processor's name as the system tells it."""
+    info = Path("/proc/cpuinfo")
+    if info.is_file():
+        for line in info.read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def usable_cores() -> list[int]:
+    """Return the numbers of the cores that this process may run on."""
+    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
+
+
+@contextmanager
+def limited_to(threads: int | None, torch_threads: int) -> Iterator[None]:
+    """Run on so many cores, with all threads and processes that are started meanwhile.
+
+    Args:
+        threads: Cores; None for all that this process may use.
+        torch_threads: Threads of PyTorch's operations.
+
+    Raises:
+        ConfigurationError: If there are not as many, or the system cannot bind processes to cores.
+    """
+    cores, torch_before = usable_cores(), torch.get_num_threads()
+    if threads is not None and not 1 <= threads <= len(cores):
+        raise ConfigurationError(f"threads must be from 1 to {len(cores)}, the cores of this process; got {threads}")
+    if torch_threads < 1:
+        raise ConfigurationError(f"torch_threads must be at least 1; got {torch_threads}")
+    bound = threads is not None and threads < len(cores)
+    if bound and not hasattr(os, "sched_setaffinity"):
+        raise ConfigurationError("this system cannot bind a process to cores: leave threads at null")
+    if bound:
+        os.sched_setaffinity(0, cores[:threads])
+    torch.set_num_threads(torch_threads)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(torch_before)
+        if bound:
+            os.sched_setaffinity(0, cores)
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None

@@ -1,0 +1,61 @@
+"""Speed of evaluation on cached graphs, without and with contours."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from torch_geometric.data import Data
+
+from sgbd.benchmarking.timing import Stopwatch
+from sgbd.data import SuperpixelGraphDataset
+from sgbd.evaluation import Evaluator
+from sgbd.segmentation import classify, partition_graph
+from sgbd.segmenter import Segmenter
+
+STAGES = ("reading", "model and partition", "scores without contours", "scores with contours")
+
+
+def measure_evaluation(cache: Path, split: str, segmenter: Segmenter, repeats: int) -> list[dict[str, Any]]:
+    """Time the evaluation of cached graphs, frame by frame and as a whole.
+
+    Args:
+        cache: Recipe folder of the graphs.
+        split: Their split.
+        segmenter: Model, partition and features.
+        repeats: Passes over the graphs.
+
+    Returns:
+        A row for each of `STAGES` with the times of a frame, and one for `Evaluator` on the whole dataset, without and
+        with contours, where every number is the time of a pass divided by the frames.
+    """
+    features = segmenter.recipe["features"]
+    dataset = SuperpixelGraphDataset(cache, split, features["node"], features["edge"])
+    judges = {
+        contours: Evaluator(segmenter.partition, segmenter.rule, boundaries=contours) for contours in (False, True)
+    }
+    stopwatch, passes = Stopwatch(), Stopwatch()
+    _frame_by_frame(dataset, segmenter, judges, Stopwatch())
+    for _ in range(repeats):
+        _frame_by_frame(dataset, segmenter, judges, stopwatch)
+        for contours, judge in judges.items():
+            with passes.step(f"Evaluator {'with' if contours else 'without'} contours"):
+                judge(dataset, segmenter.model, segmenter.objectness)
+    for name, seconds in passes.seconds.items():
+        stopwatch.seconds[name] = [(wall / len(dataset), cpu / len(dataset)) for wall, cpu in seconds]
+    return [{"stage": name, **timing.row()} for name, timing in stopwatch.timings().items()]
+
+
+def _frame_by_frame(
+    dataset: Sequence[Data], segmenter: Segmenter, judges: dict[bool, Evaluator], stopwatch: Stopwatch
+) -> None:
+    for index in range(len(dataset)):
+        with stopwatch.step(STAGES[0]):
+            data = dataset[index]
+        with stopwatch.step(STAGES[1]):
+            classification = classify(segmenter.model, segmenter.objectness, data)
+            segments = partition_graph(data, classification, segmenter.partition, segmenter.rule)
+        for stage, judge in zip(STAGES[2:], judges.values(), strict=True):
+            with stopwatch.step(stage):
+                judge.score(data, segments, dataset.category_names)  # type: ignore[attr-defined]

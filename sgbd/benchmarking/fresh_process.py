@@ -1,0 +1,148 @@
+"""What only a new process can tell: import time, the first frame, and how memory grows over many frames.
+
+``python -m sgbd.benchmarking.fresh_process JOB`` is that process: it imports nothing before it starts to count, does
+the job of the JSON text it is given, and prints what it found as JSON. `in_fresh_process` runs it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+MEBIBYTE = 2**20
+
+
+def save_frames(frames: Sequence[Any], path: Path) -> None:
+    """Write frames (`RawFrame`) where a new process finds them.
+
+    Args:
+        frames: The frames, all of one size.
+        path: An .npz file.
+    """
+    import numpy as np
+
+    cameras = [
+        [np.nan] * 4 if raw.intrinsics is None else [getattr(raw.intrinsics, key) for key in ("fx", "fy", "cx", "cy")]
+        for raw in frames
+    ]
+    np.savez(path, rgb=[raw.rgb for raw in frames], depth=[raw.depth for raw in frames], cameras=cameras)
+
+
+def in_fresh_process(
+    job: Mapping[str, Any], environment: Mapping[str, str] | None = None, timeout: float = 600
+) -> dict[str, Any]:
+    """Do a job of `do_job` in a process of its own.
+
+    Args:
+        job: The arguments of `do_job`.
+        environment: Environment variables to set.
+        timeout: Seconds after which it is given up.
+
+    Returns:
+        What `do_job` returns, and `process_seconds`: from the start of the process to its end.
+
+    Raises:
+        RuntimeError: If the process fails; the message holds what it said.
+    """
+    started = time.perf_counter()
+    done = subprocess.run(
+        [sys.executable, "-m", "sgbd.benchmarking.fresh_process", json.dumps(dict(job))],
+        env={**os.environ, **(environment or {})},
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+        check=False,
+    )
+    seconds = time.perf_counter() - started
+    if done.returncode != 0:
+        raise RuntimeError(f"the process that measures a fresh start failed:\n{done.stderr}")
+    result: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return {**result, "process_seconds": seconds}
+
+
+def do_job(
+    method: str, frames: str, n: int, count: int, checkpoint: str, trust: Sequence[str], torch_threads: int
+) -> dict[str, Any]:
+    """Import, load, and segment frames, watching time and memory.
+
+    Args:
+        method: `ours` or `reference`.
+        frames: File of `save_frames`.
+        n: Superpixels that the reference asks for.
+        count: Frames to segment, going round those of the file.
+        checkpoint: File of a checkpoint, for `ours`.
+        trust: Packages whose classes the checkpoint may name.
+        torch_threads: Threads of PyTorch's operations.
+
+    Returns:
+        Seconds, and seconds of processor time, for the imports and for each frame; seconds for loading the model;
+        resident memory (MiB) after the imports and after each frame; and the peak since.
+    """
+    start, start_cpu = time.perf_counter(), time.process_time()
+    import numpy as np
+    import psutil
+    import torch
+
+    from sgbd.frame import Frame, Intrinsics
+    from sgbd.segmenter import Segmenter
+
+    if method == "reference":
+        from sgbd.benchmarking.reference import Reference
+
+    imported, imported_cpu = time.perf_counter(), time.process_time()
+    torch.set_num_threads(torch_threads)
+    with np.load(frames) as arrays:
+        rgb, depth, cameras = arrays["rgb"], arrays["depth"], arrays["cameras"]
+    process = psutil.Process()
+
+    def resident() -> float:
+        return float(process.memory_info().rss / MEBIBYTE)
+
+    loading, base = time.perf_counter(), resident()
+    if method == "reference":
+        reference = Reference.untrained(n)
+    else:
+        segmenter = Segmenter.load(checkpoint, trust=trust)
+    loaded = time.perf_counter()
+    seconds, cpu_seconds, memory = [], [], []
+    for number in range(count):
+        place = number % len(rgb)
+        begun, begun_cpu = time.perf_counter(), time.process_time()
+        camera = None if np.isnan(cameras[place]).any() else Intrinsics(*cameras[place].tolist())
+        if method == "reference":
+            reference(Frame(rgb[place], depth[place], camera))
+        else:
+            segmenter.segment(rgb[place], depth[place], camera)
+        seconds.append(time.perf_counter() - begun)
+        cpu_seconds.append(time.process_time() - begun_cpu)
+        memory.append(resident())
+    return {
+        "import_seconds": imported - start,
+        "import_cpu_seconds": imported_cpu - start_cpu,
+        "load_seconds": loaded - loading,
+        "frame_seconds": seconds,
+        "frame_cpu_seconds": cpu_seconds,
+        "imports_mib": base,
+        "frame_mib": memory,
+        "peak_mib": _peak_mib(),
+    }
+
+
+def _peak_mib() -> float | None:
+    """Return the most memory that this process has held, MiB; None where the system does not count it."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / MEBIBYTE
+
+
+if __name__ == "__main__":
+    print(json.dumps(do_job(**json.loads(sys.argv[1]))))

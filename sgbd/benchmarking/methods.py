@@ -1,0 +1,71 @@
+"""Whole-frame methods by name, to be measured side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from hydra import compose
+from hydra.core.global_hydra import GlobalHydra
+from omegaconf import DictConfig
+
+from sgbd.benchmarking.checkpoints import GROUPS, configured_checkpoint, segmenter
+from sgbd.benchmarking.frames import RawFrame
+from sgbd.benchmarking.reference import Reference, scikit_image_superpixels
+from sgbd.configuration import ConfigurationError
+
+Method = Callable[[RawFrame], Any]
+
+OURS, REFERENCE, SCIKIT_IMAGE = "ours", "reference", "scikit_image"
+
+
+def make_method(name: str, config: DictConfig, n: int) -> Method:
+    """Return a method by its name.
+
+    Args:
+        name: `ours`, the configured segmenter, frame to segmentation; `reference`, the published algorithm re-stated;
+            `scikit_image`, its two SLIC calls and nothing else; or `ours` with one option changed, as
+            `<group>/<option>`, such as `superpixels/slic_reference` or `model/gated_gcn`.
+        config: Of the benchmark.
+        n: Superpixels asked for on colour and on depth.
+
+    Returns:
+        A function of a frame.
+
+    Raises:
+        ConfigurationError: If there is no such method; the message lists them.
+    """
+    if name == REFERENCE:
+        reference = Reference.untrained(n)
+        return lambda raw: reference(raw.frame())
+    if name == SCIKIT_IMAGE:
+        return lambda raw: scikit_image_superpixels(raw.frame(), n)
+    chosen = segmenter(configured_checkpoint(config if name == OURS else with_option(config, name), n), config)
+    return lambda raw: chosen.segment(raw.rgb, raw.depth, raw.intrinsics)
+
+
+def with_option(config: DictConfig, name: str) -> DictConfig:
+    """Return the configuration with one group's option changed.
+
+    Args:
+        config: Of the benchmark; Hydra must be running.
+        name: `<group>/<option>`.
+
+    Returns:
+        A changed copy.
+
+    Raises:
+        ConfigurationError: If there is no such option, or the model comes from a checkpoint.
+    """
+    group, _, option = name.partition("/")
+    choices = GlobalHydra.instance().config_loader().get_group_options(group) if group in GROUPS else []
+    if option not in choices:
+        known = f"{group}/<option> with one of {', '.join(choices)}" if choices else f"<group>/<option> of {GROUPS}"
+        raise ConfigurationError(
+            f"there is no method {name!r} to compare; choose {OURS}, {REFERENCE}, {SCIKIT_IMAGE}, or {known}"
+        )
+    if config.checkpoint is not None and group != "superpixels":
+        raise ConfigurationError(f"{name} cannot take the place of what the checkpoint holds; leave checkpoint at null")
+    changed = config.copy()
+    changed[group] = compose("benchmark", [f"{group}={option}"])[group]
+    return changed

@@ -1,0 +1,320 @@
+"""What a benchmark can measure, section by section."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from hydra.utils import instantiate
+from omegaconf import DictConfig
+from tqdm import tqdm
+
+from sgbd.benchmarking.checkpoints import configured_checkpoint, segmenter, trusted_packages
+from sgbd.benchmarking.dataset import write_dataset
+from sgbd.benchmarking.evaluation_speed import measure_evaluation
+from sgbd.benchmarking.frames import RawFrame
+from sgbd.benchmarking.fresh_process import in_fresh_process, save_frames
+from sgbd.benchmarking.methods import OURS, REFERENCE, SCIKIT_IMAGE, Method, make_method
+from sgbd.benchmarking.preparation_speed import measure_preparation, prepare_frames
+from sgbd.benchmarking.reference import STAGES as REFERENCE_STAGES
+from sgbd.benchmarking.reference import Reference
+from sgbd.benchmarking.report import Report
+from sgbd.benchmarking.stages import measure_stages, stage_rows
+from sgbd.benchmarking.timing import Ratio, Stopwatch, take_turns
+from sgbd.benchmarking.training_speed import measure_training
+from sgbd.configuration import ConfigurationError
+from sgbd.sources import FrameSource
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How much is measured.
+
+    Attributes:
+        repeats: Of a frame.
+        reference_repeats: Of a frame by the reference, which takes a second or so.
+        memory_frames: Frames over which memory is watched.
+        start_repeats: Fresh processes with a warm cache of compiled code.
+        prepare_frames: Frames that are prepared.
+        train_graphs: Graphs of an epoch of training.
+        evaluate_repeats: Passes of evaluation.
+    """
+
+    repeats: int = 40
+    reference_repeats: int = 6
+    memory_frames: int = 200
+    start_repeats: int = 3
+    prepare_frames: int = 64
+    train_graphs: int = 400
+    evaluate_repeats: int = 3
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            ConfigurationError: If one is below 1.
+        """
+        for name, value in vars(self).items():
+            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+                raise ConfigurationError(f"{name} must be a number from 1; got {value!r}")
+
+
+SHORT = Extent(
+    repeats=10,
+    reference_repeats=2,
+    memory_frames=30,
+    start_repeats=1,
+    prepare_frames=16,
+    train_graphs=40,
+    evaluate_repeats=1,
+)
+
+
+@dataclass
+class Benchmark:
+    """Measures what is asked for and collects it in a report.
+
+    Attributes:
+        config: Keys of conf/benchmark.yaml.
+        frames: The frames, all of one size.
+        extent: How much is measured.
+        numbers: Superpixels asked for (n), one run of the section `frame` for each; the others take the first.
+        report: Where the results go.
+    """
+
+    config: DictConfig
+    frames: Sequence[RawFrame]
+    extent: Extent
+    numbers: Sequence[int]
+    report: Report
+    _open: ExitStack = field(default_factory=ExitStack)
+    _cache: tuple[FrameSource, Path] | None = None
+
+    def __enter__(self) -> Benchmark:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._open.close()
+
+    @property
+    def size(self) -> str:
+        """Size of the frames, for titles."""
+        height, width = self.frames[0].depth.shape
+        return f"{width}x{height}"
+
+    def frame(self) -> None:
+        """Time our way from a frame to its objects, stage by stage, for every n."""
+        rows = []
+        for n in self.numbers:
+            chosen = segmenter(configured_checkpoint(self.config, n), self.config)
+            nodes, edges = [], []
+            for raw in self.frames:
+                found = chosen.segment(raw.rgb, raw.depth, raw.intrinsics)
+                nodes.append(int(found.superpixels.max()) + 1)
+                edges.append(found.edge_index.shape[1])
+            stopwatch = measure_stages(chosen, list(self.frames), self._bar(self.extent.repeats, f"frame, n={n}"))
+            graph = {"n": n, "nodes": round(median(nodes)), "edges": round(median(edges))}
+            rows += [{**graph, **row} for row in stage_rows(stopwatch)]
+        self.report.add("frame", f"Frame to segmentation, {self.size}; '-' marks parts, measured apart", rows)
+
+    def reference(self) -> None:
+        """Time the published algorithm's stages, and scikit-image's two SLIC calls, in turns with ours."""
+        n, repeats = self.numbers[0], self.extent.reference_repeats
+        stages = Stopwatch()
+        reference = Reference.untrained(n)
+
+        def by_reference(number: int) -> None:
+            reference(self._raw(number).frame(), stages)
+
+        turns = {name: self._on_frames(make_method(name, self.config, n)) for name in (OURS, SCIKIT_IMAGE)}
+        turns[REFERENCE] = by_reference
+        watched = take_turns(turns, self._bar(repeats, f"reference, n={n}"))
+        # The first repetition warmed up.
+        stages.seconds = {name: seconds[1:] for name, seconds in stages.seconds.items()}
+        rows = [{"stage": name, **timing.row()} for name, timing in stages.timings().items()]
+        rows.append({"stage": "sum of stages", **stages.sums(REFERENCE_STAGES).row()})
+        self.report.add("reference_stages", f"The published algorithm re-stated, {self.size}, n={n}", rows)
+        self._add_comparison(
+            "reference", watched, OURS, f"In turns, {self.size}, n={n}; ratios of times to those of {OURS}"
+        )
+
+    def compare(self, first: str, second: str) -> None:
+        """Time two methods in turns.
+
+        Args:
+            first: Name of a method; see `sgbd.benchmarking.methods.make_method`.
+            second: Name of the other.
+        """
+        if first == second:
+            raise ConfigurationError(f"compare needs two different methods; got {first!r} twice")
+        for n in self.numbers:
+            methods = {name: make_method(name, self.config, n) for name in (first, second)}
+            turns = {name: self._on_frames(method) for name, method in methods.items()}
+            watched = take_turns(turns, self._bar(self.extent.repeats, f"compare, n={n}"), 2)
+            self._add_comparison(f"compare_n{n}", watched, first, f"In turns, {self.size}, n={n}")
+
+    def memory(self) -> None:
+        """Watch the memory of fresh processes over many frames, of ours and of the reference."""
+        rows = []
+        for method, count in ((OURS, self.extent.memory_frames), (REFERENCE, max(2, self.extent.reference_repeats))):
+            found = self._in_fresh_process(method, count)
+            after, half = found["frame_mib"], len(found["frame_mib"]) // 2
+            rows.append(
+                {
+                    "method": method,
+                    "frames": count,
+                    "imports_mib": found["imports_mib"],
+                    "first_frame_mib": after[0] - found["imports_mib"],
+                    "steady_mib": median(after[half:]) - found["imports_mib"],
+                    "peak_mib": None if found["peak_mib"] is None else found["peak_mib"] - found["imports_mib"],
+                    "growth_kib_per_frame": 1024 * (after[-1] - after[half]) / max(1, len(after) - 1 - half),
+                }
+            )
+        title = f"Resident memory of a fresh process beyond its imports, {self.size}, n={self.numbers[0]}"
+        self.report.add("memory", title, rows)
+
+    def first_call(self) -> None:
+        """Time imports and first frame of fresh processes, with a cold and a warm cache of compiled code."""
+        compiled = self._folder("compiled")
+        rows = []
+        kinds = ["cold", *["warm"] * self.extent.start_repeats]
+        for kind in tqdm(kinds, "first call", unit="process", leave=False, disable=not self.config.progress):
+            found = self._in_fresh_process(OURS, 3, {"NUMBA_CACHE_DIR": str(compiled)})
+            first, *later = found["frame_seconds"]
+            rows.append(
+                {
+                    "cache": kind,
+                    "imports_s": found["import_seconds"],
+                    "imports_cpu_s": found["import_cpu_seconds"],
+                    "model_s": found["load_seconds"],
+                    "first_frame_s": first,
+                    "first_frame_cpu_s": found["frame_cpu_seconds"][0],
+                    "later_frame_s": min(later),
+                    "first_call_s": found["import_seconds"] + found["load_seconds"] + first,
+                    "process_s": found["process_seconds"],
+                }
+            )
+        self.report.add("first_call", f"A fresh process, {self.size}, n={self.numbers[0]}", rows)
+
+    def prepare(self) -> None:
+        """Time the preparation of image files."""
+        source = self._files()
+        chosen = segmenter(configured_checkpoint(self.config, self.numbers[0]), self.config)
+        rows, cache = measure_preparation(source, chosen, self._workers(), self._folder("caches"), self.config.progress)
+        self._cache = source, cache
+        self.report.add("prepare", f"PNG files to cached graphs, {self.size}, n={self.numbers[0]}", rows)
+
+    def train(self) -> None:
+        """Time training on cached graphs."""
+        source, cache = self._graphs()
+        checkpoint = configured_checkpoint(self.config, self.numbers[0])
+        row = measure_training(
+            cache,
+            source.split,
+            checkpoint,
+            instantiate(self.config.trainer),
+            instantiate(self.config.sampler),
+            self.extent.train_graphs,
+            self.config.in_memory,
+            self._folder("training"),
+        )
+        name = type(checkpoint.model).__name__
+        self.report.add("train", f"Training of {name} on cached graphs, without validation", [row])
+
+    def evaluate(self) -> None:
+        """Time evaluation on cached graphs."""
+        source, cache = self._graphs()
+        chosen = segmenter(configured_checkpoint(self.config, self.numbers[0]), self.config)
+        rows = measure_evaluation(cache, source.split, chosen, self.extent.evaluate_repeats)
+        self.report.add("evaluate", f"Evaluation of cached graphs, a frame of {self.size}, n={self.numbers[0]}", rows)
+
+    def _add_comparison(self, name: str, watched: Stopwatch, base: str, title: str) -> None:
+        rows = []
+        for method, timing in watched.timings().items():
+            ratio = Ratio.of(watched.seconds[method], watched.seconds[base])
+            rows.append(
+                {
+                    "method": method,
+                    **timing.row(),
+                    "ratio": ratio.median,
+                    "ratio_p10": ratio.p10,
+                    "ratio_p90": ratio.p90,
+                    "ratio_cpu": ratio.cpu,
+                }
+            )
+        self.report.add(name, f"{title}; ratios of times to those of {base}", rows)
+
+    def _in_fresh_process(
+        self, method: str, count: int, environment: Mapping[str, str] | None = None
+    ) -> dict[str, Any]:
+        folder = self._folder("fresh")
+        frames, checkpoint = folder / "frames.npz", folder / "checkpoint.safetensors"
+        save_frames(self.frames, frames)
+        configured_checkpoint(self.config, self.numbers[0]).save(checkpoint)
+        job = {
+            "method": method,
+            "frames": str(frames),
+            "n": self.numbers[0],
+            "count": count,
+            "checkpoint": str(checkpoint),
+            "trust": list(trusted_packages(self.config)),
+            "torch_threads": self.config.torch_threads,
+        }
+        return in_fresh_process(job, environment)
+
+    def _files(self) -> FrameSource:
+        return write_dataset(self.frames, self.extent.prepare_frames, self._folder("files"))
+
+    def _graphs(self) -> tuple[FrameSource, Path]:
+        """Return cached graphs: those of the section `prepare`, or made for the purpose."""
+        if self._cache is None:
+            source = self._files()
+            chosen = segmenter(configured_checkpoint(self.config, self.numbers[0]), self.config)
+            self._cache = source, prepare_frames(source, chosen, 0, self._folder("caches"), self.config.progress)
+        return self._cache
+
+    def _workers(self) -> int:
+        return int(self.config.workers)
+
+    def _on_frames(self, method: Method) -> Callable[[int], Any]:
+        return lambda number: method(self._raw(number))
+
+    def _raw(self, number: int) -> RawFrame:
+        return self.frames[number % len(self.frames)]
+
+    def _bar(self, repeats: int, title: str) -> tqdm:
+        return tqdm(range(repeats), title, unit="turn", leave=False, disable=not self.config.progress)
+
+    def _folder(self, name: str) -> Path:
+        """Return an empty temporary folder, which goes when the benchmark ends."""
+        return Path(self._open.enter_context(tempfile.TemporaryDirectory(prefix=f"sgbd_benchmark_{name}_")))
+
+
+SECTIONS: Mapping[str, Callable[[Benchmark], None]] = {
+    "frame": Benchmark.frame,
+    "reference": Benchmark.reference,
+    "memory": Benchmark.memory,
+    "first_call": Benchmark.first_call,
+    "prepare": Benchmark.prepare,
+    "train": Benchmark.train,
+    "evaluate": Benchmark.evaluate,
+}
+"""What `sections` may hold, in the order of the report."""
+
+
+def chosen_sections(names: Sequence[str]) -> list[str]:
+    """Return the sections of that name in the order of the report.
+
+    Raises:
+        ConfigurationError: If one is unknown or none is asked for.
+    """
+    unknown = [name for name in names if name not in SECTIONS]
+    if unknown or not names:
+        told = f"got {', '.join(map(str, unknown))}" if unknown else "got none"
+        raise ConfigurationError(f"sections must be a list of {', '.join(SECTIONS)}; {told}")
+    return [name for name in SECTIONS if name in names]

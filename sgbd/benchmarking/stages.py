@@ -1,0 +1,124 @@
+"""A frame to its objects stage by stage, with the time of each."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable
+from typing import Any
+
+from sgbd.benchmarking.frames import RawFrame
+from sgbd.benchmarking.timing import Stopwatch
+from sgbd.features import Geometry, edge_features, node_features
+from sgbd.frame import Frame
+from sgbd.regions import border_sums, region_sums
+from sgbd.segmentation import Segmentation, classify, paint, partition_graph
+from sgbd.segmenter import Segmenter
+
+STAGES = ("validation", "superpixels", "graph", "model", "partition", "painting")
+"""What a frame goes through, one after the other."""
+
+WHOLE = "whole frame"
+SUM = "sum of stages"
+
+AFTER_SUPERPIXELS = "after superpixels"
+"""The stages behind the superpixels together."""
+
+SUPERPIXEL_PARTS = ("colours alone", "depth alone")
+GRAPH_PARTS = ("sums over regions", "sums over borders", "geometry", "node features", "edge features")
+
+
+def segment_in_stages(segmenter: Segmenter, raw: RawFrame, stopwatch: Stopwatch) -> Segmentation:
+    """Do what `Segmenter.segment` does, step by step.
+
+    Args:
+        segmenter: The segmenter.
+        raw: The frame.
+        stopwatch: Takes the time of each of `STAGES`.
+
+    Returns:
+        What the segmenter returns.
+    """
+    with stopwatch.step("validation"):
+        frame = Frame(raw.rgb, raw.depth, raw.intrinsics)  # type: ignore[arg-type]
+    with stopwatch.step("superpixels"):
+        label_map = segmenter.superpixels(frame)
+    with stopwatch.step("graph"):
+        data = segmenter._select(segmenter.graph(frame, label_map, store_maps=False))
+    with stopwatch.step("model"):
+        classification = classify(segmenter.model, segmenter.objectness, data.to(segmenter.device))
+    with stopwatch.step("partition"):
+        segments = partition_graph(data, classification, segmenter.partition, segmenter.rule)
+    with stopwatch.step("painting"):
+        return paint(label_map, data, classification, segments)
+
+
+def measure_stages(segmenter: Segmenter, frames: list[RawFrame], repeats: Iterable[int]) -> Stopwatch:
+    """Time whole frames, their stages, and parts of the two longest stages, in turns.
+
+    Args:
+        segmenter: The segmenter.
+        frames: Frames, taken one after the other.
+        repeats: Numbers of the repetitions, or a progress bar around them.
+
+    Returns:
+        Times of `STAGES`, of the whole frame in one call (`WHOLE`), and, indented as "- part", of what can be measured
+        apart: superpixels of one modality, and the passes and formulas behind the graph.
+    """
+    singles = one_modality(segmenter.superpixels)
+    stopwatch, warm_up = Stopwatch(), Stopwatch()
+
+    def once(raw: RawFrame, stopwatch: Stopwatch) -> None:
+        with stopwatch.step(WHOLE):
+            segmenter.segment(raw.rgb, raw.depth, raw.intrinsics)
+        superpixels = segment_in_stages(segmenter, raw, stopwatch).superpixels
+        frame = Frame(raw.rgb, raw.depth, raw.intrinsics)  # type: ignore[arg-type]
+        for name, single in singles.items():
+            with stopwatch.step(f"- {name}"):
+                single(frame)
+        with stopwatch.step(f"- {GRAPH_PARTS[0]}"):
+            regions = region_sums(frame, superpixels)
+        with stopwatch.step(f"- {GRAPH_PARTS[1]}"):
+            borders = border_sums(frame, superpixels)
+        with stopwatch.step(f"- {GRAPH_PARTS[2]}"):
+            geometry = Geometry(regions, borders, frame.camera)
+        with stopwatch.step(f"- {GRAPH_PARTS[3]}"):
+            node_features(frame, regions, geometry)
+        with stopwatch.step(f"- {GRAPH_PARTS[4]}"):
+            edge_features(borders.pairs, borders, regions, geometry)
+
+    # Twice: the first compiles, the second fills the allocators' pools.
+    for _ in range(2):
+        once(frames[0], warm_up)
+    for number in repeats:
+        once(frames[number % len(frames)], stopwatch)
+    return stopwatch
+
+
+def one_modality(superpixels: Any) -> dict[str, Any]:
+    """Return the same over-segmentation on colours alone and on depth alone, if it is one of both."""
+    if not (getattr(superpixels, "rgb", False) is True and getattr(superpixels, "depth", False) is True):
+        return {}
+    colors, depth = copy.copy(superpixels), copy.copy(superpixels)
+    colors.depth, depth.rgb = False, False
+    return dict(zip(SUPERPIXEL_PARTS, (colors, depth), strict=True))
+
+
+def stage_rows(stopwatch: Stopwatch) -> list[dict[str, Any]]:
+    """Arrange the times of `measure_stages` for a report: stages with their parts below them, sums and the whole.
+
+    Args:
+        stopwatch: The times.
+
+    Returns:
+        A row for each, with `stage` and the columns of `Timing.row`.
+    """
+    timings = stopwatch.timings()
+    parts = {"superpixels": SUPERPIXEL_PARTS, "graph": GRAPH_PARTS}
+    rows = []
+    for stage in STAGES:
+        names = [stage, *(f"- {part}" for part in parts.get(stage, ()))]
+        rows += [{"stage": name, **timings[name].row()} for name in names if name in timings]
+    rows.append({"stage": AFTER_SUPERPIXELS, **stopwatch.sums(STAGES[2:]).row()})
+    rows.append({"stage": SUM, **stopwatch.sums(STAGES).row()})
+    rows.append({"stage": WHOLE, **timings[WHOLE].row()})
+    return rows
