@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import multiprocessing
 import threading
 import time
 from pathlib import Path
@@ -43,15 +45,24 @@ class WorkerMemory:
         self._thread.join()
 
     def _watch(self) -> None:
-        process = psutil.Process()
         while not self._done.wait(self.INTERVAL):
-            for child in process.children(recursive=True):
-                try:
-                    held = child.memory_full_info()
-                except psutil.Error:  # it has just ended
-                    continue
-                self.resident_mib = max(held.rss / MEBIBYTE, self.resident_mib or 0.0)
-                self.own_mib = max(held.uss / MEBIBYTE, self.own_mib or 0.0)
+            for worker in _workers():
+                with contextlib.suppress(psutil.Error):  # it has just ended
+                    held = worker.memory_full_info()
+                    self.resident_mib = max(held.rss / MEBIBYTE, self.resident_mib or 0.0)
+                    self.own_mib = max(held.uss / MEBIBYTE, self.own_mib or 0.0)
+
+
+def _workers() -> list[psutil.Process]:
+    """Return the worker processes: children of the server that copies itself, or of this process without one."""
+    children = psutil.Process().children()
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return children
+    workers = []
+    for child in children:
+        with contextlib.suppress(psutil.Error):
+            workers += child.children()
+    return workers
 
 
 def measure_preparation(

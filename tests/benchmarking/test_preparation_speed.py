@@ -1,0 +1,31 @@
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from sgbd.benchmarking.fresh_process import MEBIBYTE
+from sgbd.benchmarking.preparation_speed import WorkerMemory
+from sgbd.workers import map_in_order
+
+
+def hold(mebibytes: int) -> int:
+    """Fill memory for as long as it takes to be seen."""
+    held = np.ones(mebibytes * MEBIBYTE, np.uint8)
+    time.sleep(5 * WorkerMemory.INTERVAL)
+    return len(held)
+
+
+def test_the_memory_of_workers_is_seen():
+    with WorkerMemory() as memory:
+        assert list(map_in_order(hold, [150], workers=1)) == [150 * MEBIBYTE]
+    assert memory.own_mib is not None
+    assert memory.resident_mib is not None
+    assert 150 <= memory.own_mib <= memory.resident_mib
+
+
+def test_without_workers_there_is_nothing_to_see():
+    with WorkerMemory() as memory:
+        assert list(map_in_order(hold, [1], workers=0)) == [MEBIBYTE]
+    assert memory.own_mib is None
+    assert memory.resident_mib is None
