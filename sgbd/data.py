@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import torch
-from torch import Tensor
 from torch_geometric.data import Data, Dataset
-from tqdm import tqdm
 
 from sgbd.features import EDGE_GROUPS, NODE_GROUPS, edge_columns, node_columns
 from sgbd.graph_file import FORMAT_VERSION, read_graph
@@ -23,23 +19,6 @@ HOW_TO_PREPARE = "python -m sgbd.prepare dataset=<name>"
 
 class GraphCacheError(RuntimeError):
     """A folder that does not hold the prepared graphs that were asked for; the message says what to do."""
-
-
-@dataclass(frozen=True)
-class FeatureMoments:
-    """Mean and standard deviation of every column, over all superpixels and all directed edges of a dataset.
-
-    Attributes:
-        node_mean: float32 [F].
-        node_std: float32 [F]; 0 for a constant column.
-        edge_mean: float32 [D].
-        edge_std: float32 [D].
-    """
-
-    node_mean: Tensor
-    node_std: Tensor
-    edge_mean: Tensor
-    edge_std: Tensor
 
 
 class SuperpixelGraphDataset(Dataset):
@@ -147,32 +126,6 @@ class SuperpixelGraphDataset(Dataset):
         """
         return dict(self._index["statistics"])
 
-    def feature_moments(self, progress: bool = False) -> FeatureMoments:
-        """Compute mean and standard deviation of every chosen feature column, in one pass over the (sub-)dataset.
-
-        Float64 sums of deviations, combined graph by graph (Chan et al. 1983, DOI 10.1080/00031305.1983.10483115), so
-        large offsets cost no digits and a repetition gives the same bits.
-
-        Args:
-            progress: Whether to show a progress bar.
-
-        Returns:
-            The moments, without `transform`.
-
-        Raises:
-            ValueError: If the dataset is empty or `fields` leaves the features out.
-        """
-        nodes, edges = _RunningMoments(self.node_channels), _RunningMoments(self.edge_channels)
-        for index in tqdm(self.indices(), "feature statistics", unit="graph", disable=not progress):
-            data = self.get(index)
-            if "x" not in data or "edge_attr" not in data:
-                raise ValueError("feature_moments needs the fields 'x' and 'edge_attr'; add them to fields")
-            nodes.add(data.x)
-            edges.add(data.edge_attr)
-        if nodes.count == 0:
-            raise ValueError("an empty dataset has no feature statistics")
-        return FeatureMoments(nodes.mean.float(), nodes.std().float(), edges.mean.float(), edges.std().float())
-
     def __copy__(self) -> SuperpixelGraphDataset:
         # What PyG makes sub-datasets with: they share the graphs in memory.
         copied = type(self).__new__(type(self))
@@ -182,29 +135,6 @@ class SuperpixelGraphDataset(Dataset):
     def __getstate__(self) -> dict[str, Any]:
         # Graphs in memory are read again by a process that gets this dataset: cheaper than to send them.
         return {**self.__dict__, "_graphs": {}}
-
-
-class _RunningMoments:
-    """Mean and sum of squared deviations of columns, batch after batch."""
-
-    def __init__(self, columns: int) -> None:
-        self.count = 0
-        self.mean = torch.zeros(columns, dtype=torch.float64)
-        self.squares = torch.zeros(columns, dtype=torch.float64)
-
-    def add(self, rows: Tensor) -> None:
-        if len(rows) == 0:
-            return
-        rows = rows.double()
-        mean = rows.mean(0)
-        total = self.count + len(rows)
-        step = mean - self.mean
-        self.squares += ((rows - mean) ** 2).sum(0) + step**2 * (self.count * len(rows) / total)
-        self.mean += step * (len(rows) / total)
-        self.count = total
-
-    def std(self) -> Tensor:
-        return (self.squares / max(self.count, 1)).sqrt()
 
 
 def find_recipe_folder(root: Path) -> Path:

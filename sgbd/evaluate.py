@@ -24,8 +24,9 @@ def main(config: DictConfig) -> None:
     """Prepare the frames with the checkpoint's recipe, score the model on them, write tables and pictures."""
     path = find_checkpoint(config.checkpoint, config.output_dir)
     trust = tuple(config.trust)
+    checkpoint = Checkpoint.load(path, trust)
     segmenter = Segmenter(
-        Checkpoint.load(path, trust),
+        checkpoint,
         partition=instantiate(config.partition),
         rule=instantiate(config.objects),
         device=config.device,
@@ -40,6 +41,8 @@ def main(config: DictConfig) -> None:
     )
     features = segmenter.recipe["features"]
     dataset = SuperpixelGraphDataset(folder, source.split, features["node"], features["edge"])
+    # By construction; a difference would mean that the graphs are not what the model was trained on.
+    checkpoint.require(superpixels=dataset.recipe["superpixels"], graph=dataset.recipe["graph"])
     evaluate = Evaluator(segmenter.partition, segmenter.rule, boundaries=config.boundaries)
     evaluation = evaluate(dataset, segmenter.model, segmenter.objectness, device=segmenter.device, progress=True)
     out = output_folder()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 
 import networkx as nx
@@ -30,7 +31,10 @@ class GraphBuilder:
     """
 
     def __init__(self, adjacency: Adjacency = border_pairs) -> None:
-        self.adjacency = adjacency
+        # A configuration names a function by a partial without arguments; only the function itself is recognised as the
+        # adjacency that the pass over the borders gives anyway.
+        bare = isinstance(adjacency, functools.partial) and not (adjacency.args or adjacency.keywords)
+        self.adjacency: Adjacency = adjacency.func if bare else adjacency  # type: ignore[attr-defined]
 
     def __call__(
         self, frame: Frame, label_map: LabelMap, category_names: Sequence[str] = (), *, store_maps: bool = True

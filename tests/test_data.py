@@ -163,39 +163,6 @@ def test_fewer_fields(recipe_folder: Path) -> None:
     assert same(Data(x=data.x), Data(x=SuperpixelGraphDataset(recipe_folder)[0].x))
 
 
-def test_feature_moments_are_those_of_all_rows(recipe_folder: Path) -> None:
-    dataset = SuperpixelGraphDataset(recipe_folder, node_features=["rgb", "xyz"], edge_features=["convexity"])[1:]
-    moments = dataset.feature_moments()
-    x = torch.cat([data.x for data in dataset]).double()
-    attributes = torch.cat([data.edge_attr for data in dataset]).double()
-    for got, expected in (
-        (moments.node_mean, x.mean(0)),
-        (moments.node_std, x.std(0, correction=0)),
-        (moments.edge_mean, attributes.mean(0)),
-        (moments.edge_std, attributes.std(0, correction=0)),
-    ):
-        assert got.dtype == torch.float32
-        torch.testing.assert_close(got.double(), expected, rtol=1e-6, atol=1e-7)
-    again = dataset.feature_moments()
-    assert torch.equal(again.node_std, moments.node_std)
-
-
-def test_moments_of_large_offsets_keep_their_digits() -> None:
-    rows = 1e6 + torch.arange(7, dtype=torch.float32)[:, None]
-    running = sgbd.data._RunningMoments(1)
-    for part in (rows[:2], rows[2:2], rows[2:]):
-        running.add(part)
-    assert running.mean.item() == 1e6 + 3
-    assert running.std().item() == 2.0
-
-
-def test_moments_need_graphs_and_features(recipe_folder: Path) -> None:
-    with pytest.raises(ValueError, match="add them to fields"):
-        SuperpixelGraphDataset(recipe_folder, fields=["x"]).feature_moments()
-    with pytest.raises(ValueError, match="empty dataset"):
-        SuperpixelGraphDataset(recipe_folder)[:0].feature_moments()
-
-
 def copy_of(recipe_folder: Path, target: Path) -> Path:
     target.mkdir(parents=True)
     for path in recipe_folder.rglob("*"):

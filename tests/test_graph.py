@@ -1,3 +1,4 @@
+import functools
 from collections.abc import Mapping
 
 import networkx as nx
@@ -11,7 +12,7 @@ from torch_geometric.data import Data
 from torch_geometric.loader import DataLoader
 from torch_geometric.nn import GCNConv, GINEConv, TransformerConv
 
-from sgbd.adjacency import bounding_box_pairs
+from sgbd.adjacency import border_pairs, bounding_box_pairs
 from sgbd.features import EDGE_NAMES, NODE_NAMES
 from sgbd.frame import Frame
 from sgbd.graph import GraphBuilder, build_graph, edge_positions, overlap_table, to_networkx
@@ -72,6 +73,11 @@ def test_one_superpixel_makes_a_graph_without_edges() -> None:
     assert data.edge_index.shape == (2, 0)
     assert data.edge_attr.shape == (0, len(EDGE_NAMES))
     assert data.edge_label.shape == (0,)
+
+
+def test_a_function_named_by_a_bare_partial_is_that_function() -> None:
+    assert GraphBuilder(functools.partial(border_pairs)).adjacency is border_pairs
+    assert GraphBuilder(functools.partial(bounding_box_pairs)).adjacency is bounding_box_pairs
 
 
 def test_categories_are_positions_in_the_list_of_names() -> None:

@@ -184,6 +184,8 @@ root/
             "intrinsics": camera and [camera.fx, camera.fy, camera.cx, camera.cy],
             "min_objects": self.min_objects,
             "min_object_pixels": self.min_object_pixels,
+            "first_view": self.first_view,
+            "lists": {split: os.path.relpath(path, self.root) for split, path in self._lists.items()},
         }
 
     def read(self, index: int) -> Frame:

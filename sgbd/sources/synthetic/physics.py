@@ -6,6 +6,9 @@ doi:10.1109/IROS.2012.6386109.
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import mujoco
@@ -15,6 +18,8 @@ from scipy.spatial.transform import Rotation
 
 from sgbd.sources.synthetic.shapes.part import Shape, Solid
 from sgbd.sources.synthetic.table import Table
+
+log = logging.getLogger(__name__)
 
 Floats = npt.NDArray[np.float64]
 
@@ -62,6 +67,11 @@ def settle(shapes: list[Shape], table: Table, rng: np.random.Generator) -> list[
     Raises:
         UnstableSimulationError: If the simulation blew up.
     """
+    with _warnings_are_debugging_messages():
+        return _settled(shapes, table, rng)
+
+
+def _settled(shapes: list[Shape], table: Table, rng: np.random.Generator) -> list[Pose | None]:
     starts = drop_poses(shapes, table, rng)
     model = _model(shapes, starts, table)
     data = mujoco.MjData(model)
@@ -113,6 +123,17 @@ def drop_poses(shapes: list[Shape], table: Table, rng: np.random.Generator) -> l
         placed.append((best, half))
         poses.append(Pose(best, turn))
     return poses
+
+
+@contextmanager
+def _warnings_are_debugging_messages() -> Iterator[None]:
+    """Keep MuJoCo from writing its warnings to a file in the working folder: what they warn of is checked for."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(log.debug)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def check_stability(data: mujoco.MjData, count: int) -> None:
