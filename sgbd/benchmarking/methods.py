@@ -60,7 +60,11 @@ def with_option(config: DictConfig, name: str) -> DictConfig:
     group, _, option = name.partition("/")
     choices = GlobalHydra.instance().config_loader().get_group_options(group) if group in GROUPS else []
     if option not in choices:
-        known = f"{group}/<option> with one of {', '.join(choices)}" if choices else f"<group>/<option> of {GROUPS}"
+        known = (
+            f"{group}/<option> with one of {', '.join(choices)}"
+            if choices
+            else f"<group>/<option> of {', '.join(GROUPS)}"
+        )
         raise ConfigurationError(
             f"there is no method {name!r} to compare; choose {OURS}, {REFERENCE}, {SCIKIT_IMAGE}, or {known}"
         )
