@@ -32,7 +32,7 @@ format: $(INSTALLED) ## Format the code and mend what can be mended
 	$(BIN)/ruff format
 
 bench: $(INSTALLED) ## Measure speed and memory
-	$(BIN)/python -m sgbd.benchmark $(ARGS)
+	$(BIN)/python -m sgbd.benchmark short=true $(ARGS)
 
 clean: ## Remove build products and caches of tools; data, outputs and .venv stay
 	rm -rf build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

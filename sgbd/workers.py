@@ -122,8 +122,13 @@ def _start_method(modules: list[str]) -> BaseContext:
 @contextlib.contextmanager
 def _conditions_for_workers() -> Iterator[None]:
     """Let processes that are started here inherit one thread each, and deafness to Ctrl-C, which is this process's."""
-    before = {name: os.environ.get(name) for name in THREAD_COUNTS}
-    os.environ.update(dict.fromkeys(THREAD_COUNTS, "1"))
+    settings = dict.fromkeys(THREAD_COUNTS, "1")
+    main = getattr(sys.modules["__main__"], "__spec__", None)
+    if main is not None:
+        # The server has imported the main module, and Python would warn in each worker that it is imported once more.
+        settings["PYTHONWARNINGS"] = f"ignore:'{main.name}' found in sys.modules:RuntimeWarning"
+    before = {name: os.environ.get(name) for name in settings}
+    os.environ.update(settings)
     # Blocked rather than ignored, an interruption in between still reaches this process afterwards.
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if hasattr(signal, "pthread_sigmask") else None
     try:
