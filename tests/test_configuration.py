@@ -101,10 +101,17 @@ def test_every_key_is_read(entry):
 
 
 @pytest.mark.parametrize("experiment", EXPERIMENTS)
-def test_experiments_sweep_by_themselves_over_values_that_compose(experiment):
+def test_every_experiment_composes_under_its_own_name(experiment):
     config = composed("train", f"+experiment={experiment}", hydra=True)
-    assert config.hydra.mode == RunMode.MULTIRUN
     assert config.name == experiment
+    check_targets(composed("train", f"+experiment={experiment}"))
+    # Those that vary something sweep by themselves, without -m.
+    assert (config.hydra.mode == RunMode.MULTIRUN) == bool(config.hydra.sweeper.params)
+
+
+@pytest.mark.parametrize("experiment", [name for name in EXPERIMENTS if name.startswith("ablate_")])
+def test_ablations_sweep_over_values_that_compose(experiment):
+    config = composed("train", f"+experiment={experiment}", hydra=True)
     params = [f"{key}={value}" for key, value in config.hydra.sweeper.params.items()]
     for override in OverridesParser.create().parse_overrides(params):
         values = list(override.sweep_string_iterator())
