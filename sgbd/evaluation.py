@@ -31,6 +31,7 @@ from sgbd.metrics import (
 )
 from sgbd.partition import Partitioner
 from sgbd.segmentation import ObjectRule, Segments, classify, partition_graph
+from sgbd.torch_threads import torch_threads
 
 SHORT_NAMES = {
     "overlap_precision": "overlap_precision",
@@ -137,10 +138,11 @@ class Evaluator:
         for module in modules:
             module.eval()
         try:
-            for data in tqdm(dataset, "evaluating", unit="frame", disable=not progress):
-                classification = classify(model, objectness, data.to(device))
-                segments = partition_graph(data, classification, self.partition, self.rule)
-                scored.append(self.score(data.cpu(), segments, dataset.category_names))
+            with torch_threads(1):
+                for data in tqdm(dataset, "evaluating", unit="frame", disable=not progress):
+                    classification = classify(model, objectness, data.to(device))
+                    segments = partition_graph(data, classification, self.partition, self.rule)
+                    scored.append(self.score(data.cpu(), segments, dataset.category_names))
         finally:
             for module, mode in zip(modules, modes, strict=True):
                 module.train(mode)

@@ -17,6 +17,7 @@ from sgbd.graph import GraphBuilder
 from sgbd.partition import Partitioner
 from sgbd.segmentation import ObjectRule, Segmentation, classify, paint, partition_graph
 from sgbd.superpixels import Superpixels
+from sgbd.torch_threads import torch_threads
 
 
 class Segmenter:
@@ -34,6 +35,7 @@ class Segmenter:
         partition: Takes the place of the recipe's partitioner.
         rule: Takes the place of the recipe's rule of what an object is.
         device: Where the networks run.
+        threads: CPU threads of the networks; see `sgbd.torch_threads`.
         trust: Names of packages beside `sgbd` whose classes the recipe may name.
 
     Raises:
@@ -47,11 +49,13 @@ class Segmenter:
         partition: Partitioner | None = None,
         rule: ObjectRule | None = None,
         device: torch.device | str = "cpu",
+        threads: int = 1,
         trust: Sequence[str] = (),
     ) -> None:
         recipe = checkpoint.recipe
         self.recipe = recipe
         self.device = torch.device(device)
+        self.threads = threads
         self.superpixels: Superpixels = instantiate(recipe.get("superpixels"), object, trust)  # type: ignore[assignment]
         self.graph: GraphBuilder = instantiate(recipe.get("graph"), object, trust)  # type: ignore[assignment]
         self.partition: Partitioner = (
@@ -72,6 +76,7 @@ class Segmenter:
         partition: Partitioner | None = None,
         rule: ObjectRule | None = None,
         device: torch.device | str = "cpu",
+        threads: int = 1,
         trust: Sequence[str] = (),
     ) -> Segmenter:
         """Read a checkpoint; arguments as of the class.
@@ -80,7 +85,7 @@ class Segmenter:
             sgbd.checkpoint.CheckpointError: If the file is missing, damaged or no checkpoint.
         """
         checkpoint = Checkpoint.load(path, trust)
-        return cls(checkpoint, partition=partition, rule=rule, device=device, trust=trust)
+        return cls(checkpoint, partition=partition, rule=rule, device=device, threads=threads, trust=trust)
 
     def segment(self, rgb: npt.ArrayLike, depth: npt.ArrayLike, intrinsics: Intrinsics | None = None) -> Segmentation:
         """Segment one frame.
@@ -104,7 +109,8 @@ class Segmenter:
             frame = replace(frame, instances=None)
         label_map = self.superpixels(frame)
         data = self._select(self.graph(frame, label_map, store_maps=False))
-        classification = classify(self.model, self.objectness, data.to(self.device))
+        with torch_threads(self.threads):
+            classification = classify(self.model, self.objectness, data.to(self.device))
         segments = partition_graph(data, classification, self.partition, self.rule)
         return paint(label_map, data, classification, segments)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import io
 import json
@@ -10,7 +9,7 @@ import logging
 import math
 import pickle
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,6 +30,7 @@ from sgbd.graph import CUT, MERGE
 from sgbd.models import EdgeClassifier, ObjectnessHead, object_targets
 from sgbd.models.standardize import ColumnMoments
 from sgbd.sampling import EdgeSampler, edge_labels, graphs_of_pairs
+from sgbd.torch_threads import torch_threads
 
 log = logging.getLogger(__name__)
 
@@ -224,7 +224,7 @@ class Trainer:
                 monitored score is missing, or the state in `folder` is of another training.
             KeyboardInterrupt: On Ctrl-C; finished epochs are kept.
         """
-        with _threads(self.threads):
+        with torch_threads(self.threads):
             return self._train(model, graphs, sampler, Path(folder), dict(recipe), objectness, validate, loggers)
 
     def _train(
@@ -334,7 +334,7 @@ class Trainer:
             unit="batch",
             disable=not (self.progress and fabric.is_global_zero),
         )
-        with bar, _threads(self.threads):
+        with bar, torch_threads(self.threads):
             for epoch in range(state["epoch"] + 1, self.epochs + 1):
                 start = time.perf_counter()
                 rate = float(bare_optimizer.param_groups[0]["lr"])
@@ -573,16 +573,6 @@ def _losses(joint: nn.Module, data: Data) -> tuple[Tensor, Tensor]:
     known = (target >= 0).float()
     total = binary_cross_entropy_with_logits(node_logits, target.clamp(min=0), weight=known, reduction="sum")
     return edge_loss, total / known.sum().clamp(min=1)
-
-
-@contextlib.contextmanager
-def _threads(count: int) -> Iterator[None]:
-    before = torch.get_num_threads()
-    torch.set_num_threads(count)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
 
 
 def _rank(score: float | None) -> float:

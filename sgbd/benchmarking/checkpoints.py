@@ -50,7 +50,7 @@ def configured_checkpoint(config: DictConfig, n: int | None = None) -> Checkpoin
 
 def segmenter(checkpoint: Checkpoint, config: DictConfig) -> Segmenter:
     """Return what segments frames with a checkpoint of `configured_checkpoint`."""
-    return Segmenter(checkpoint, trust=trusted_packages(config))
+    return Segmenter(checkpoint, threads=torch.get_num_threads(), trust=trusted_packages(config))
 
 
 def trusted_packages(config: DictConfig) -> Sequence[str]:
