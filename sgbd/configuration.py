@@ -115,7 +115,7 @@ def explain(error: BaseException) -> str | None:
         cause = error.__cause__
         told = explain(cause) if cause is not None else None
         # Without a known cause: a wrong argument or `_target_`; Hydra's message names the key.
-        return told or str(error)
+        return told or (_with_reason(error, cause) if isinstance(cause, ImportError) else str(error))
     if isinstance(error, MissingMandatoryValue):
         key = error.full_key or "a mandatory value"
         return f"{key} is not set. Give it on the command line: {key}=<value>"
@@ -130,6 +130,12 @@ def explain(error: BaseException) -> str | None:
     if isinstance(error, FileNotFoundError | PermissionError | NotADirectoryError | IsADirectoryError):
         return str(error)
     return None
+
+
+def _with_reason(error: BaseException, cause: ImportError) -> str:
+    """Return the message of an import that failed with what was missing, which Hydra leaves to the traceback."""
+    message = str(error).replace(", set env var HYDRA_FULL_ERROR=1 to see chained exception", "")
+    return f"{message}\n{cause}\nModules are found in the current folder, on PYTHONPATH and among what is installed."
 
 
 def _raised_here(error: BaseException) -> bool:

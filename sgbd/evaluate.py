@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 
@@ -15,8 +13,6 @@ from sgbd.pipeline import frame_source
 from sgbd.preparation import prepare
 from sgbd.results import draw_examples, example_frames, find_checkpoint, markdown, write_evaluation
 from sgbd.segmenter import Segmenter
-
-log = logging.getLogger(__name__)
 
 
 @entry_point("evaluate")
@@ -48,9 +44,10 @@ def main(config: DictConfig) -> None:
     out = output_folder()
     write_evaluation(evaluation, out)
     draw_examples(example_frames(evaluation, config.pictures), evaluation, source, segmenter, out)
-    print(f"\n{path} on {len(dataset)} frames of {source.split}, per cent:\n\n{markdown(evaluation)}\n")
-    for name, reason in dataset.skipped.items():
-        log.warning("not evaluated: %s: %s", name, reason)
+    # Which ones, and why, the preparation has said.
+    skipped = f" ({len(dataset.skipped)} more skipped, see above)" if dataset.skipped else ""
+    frames = f"{len(dataset)} frame{'s'[: len(dataset) != 1]} of {source.split}{skipped}"
+    print(f"\n{path} on {frames}, per cent:\n\n{markdown(evaluation)}\n")
     print(f"Scores of every frame and pictures: {out}")
 
 

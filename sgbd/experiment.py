@@ -17,7 +17,7 @@ from sgbd.checkpoint import Checkpoint
 from sgbd.configuration import ConfigurationError, count_workers
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.evaluation import Evaluation, Evaluator
-from sgbd.features import EDGE_GROUPS, NODE_GROUPS
+from sgbd.features import EDGE_GROUPS, NODE_GROUPS, edge_columns, node_columns
 from sgbd.models import EdgeClassifier, ObjectnessHead
 from sgbd.pipeline import frame_source, prepare_splits
 from sgbd.plot import curves_figure
@@ -61,8 +61,12 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
         ConfigurationError: If the dataset has no training split.
     """
     workers = count_workers(config.workers)
-    splits = frame_source(config.dataset, workers).splits
+    _check(config)
+    source = frame_source(config.dataset, workers)
+    splits = source.splits
     if "train" not in splits:
+        # Without any frames the source says what it misses.
+        len(source)
         raise ConfigurationError(
             f"the dataset has no training frames, only {', '.join(splits)}. Choose another dataset, or score a trained "
             "model on this one: python -m sgbd.evaluate"
@@ -124,6 +128,25 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
         return {**outcome, "scores": {}}
     evaluation = _test(config, graphs("test"), trained, folder, workers)
     return {**outcome, "scores": evaluation.scores}
+
+
+def _check(config: DictConfig) -> None:
+    """Find what cannot be trained before hours may go into frames and graphs."""
+    if not isinstance(config.seed, int) or config.seed < 0:
+        raise ConfigurationError(f"seed must be an integer of at least 0; got {config.seed!r}")
+    if not isinstance(config.pictures, int) or config.pictures < 0:
+        raise ConfigurationError(f"pictures must be an integer of at least 0; got {config.pictures!r}")
+    for key, columns in (("node", node_columns), ("edge", edge_columns)):
+        groups = config.features[key]
+        if isinstance(groups, str):
+            raise ConfigurationError(f"features.{key} must be a list of groups: features.{key}=[{groups}]")
+        columns(groups)
+    # The models need to know the graphs; that their classes exist can be seen now.
+    for group in (config.model, config.objectness):
+        if group is not None:
+            instantiate({"_target_": group._target_, "_partial_": True})
+    for group in (config.partition, config.objects, config.trainer, config.sampler, config.superpixels, config.graph):
+        instantiate(group)
 
 
 def _test(

@@ -11,6 +11,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from skimage.segmentation import find_boundaries
 
 from sgbd.frame import SUPPORT, Frame
@@ -95,6 +96,7 @@ def curves_figure(curves: Mapping[str, Sequence[tuple[float, float]]], title: st
         panel.plot(epochs, values, marker="o", markersize=3, label=name)
     for panel, label in ((left, "loss"), (right, "score")):
         panel.set_xlabel("epoch")
+        panel.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
         panel.set_ylabel(label)
         panel.grid(alpha=0.3)
         if panel.get_lines():

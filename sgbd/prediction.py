@@ -17,6 +17,12 @@ from sgbd.sources import Folder, FrameReadError, FrameSource
 from sgbd.sources.image import IMAGE_SUFFIXES, read_depth, read_rgb
 
 
+class _RecordedFolder(Folder):
+    """A folder with the files of all frames, which is not given as a dataset."""
+
+    remedy = "Give the folder of your frames as rgb, or rgb=<folder of colour images> depth=<folder of depth images>."
+
+
 class RecordedFrames(FrameSource):
     """Frames given as a colour and a depth file, as two folders, or as one folder in the layout of `Folder`.
 
@@ -54,7 +60,7 @@ class RecordedFrames(FrameSource):
         if self.depth is None:
             if not self.rgb.is_dir():
                 raise FrameReadError(self.rgb, "its depth is not known. Give depth=<file> too.")
-            source = Folder(self.rgb)
+            source = _RecordedFolder(self.rgb, intrinsics=self.intrinsics)
             return {name: (source.files(place)[0], source.files(place)[1]) for place, name in enumerate(source.names)}
         if self.rgb.is_dir() != self.depth.is_dir():
             raise FrameReadError(self.depth, "rgb and depth must both be files or both be folders.")

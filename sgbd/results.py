@@ -107,7 +107,9 @@ def draw_examples(
     for rank, name in enumerate(names):
         frame = source[index[name]]
         row = evaluation.frames.loc[name]
-        title = f"{name}: overlap F {100 * row['overlap_f_measure']:.1f}"
+        title = f"{name}: overlap F {100 * row['overlap_f_measure']:.1f} of the merging alone"
+        if "unaided_overlap_f_measure" in row:
+            title += f", {100 * row['unaided_overlap_f_measure']:.1f} unaided, as drawn"
         if "oracle_overlap_f_measure" in row:
             title += f" (best partition of these superpixels {100 * row['oracle_overlap_f_measure']:.1f})"
         figure = segmentation_figure(frame, segmenter.segment_frame(frame), title)

@@ -40,6 +40,7 @@ class Segmenter:
 
     Raises:
         sgbd.checkpoint.CheckpointError: If the recipe cannot be followed.
+        ValueError: If this machine, or this build of PyTorch, has no such device.
     """
 
     def __init__(
@@ -54,7 +55,7 @@ class Segmenter:
     ) -> None:
         recipe = checkpoint.recipe
         self.recipe = recipe
-        self.device = torch.device(device)
+        self.device = _usable_device(device)
         self.threads = threads
         self.superpixels: Superpixels = instantiate(recipe.get("superpixels"), object, trust)  # type: ignore[assignment]
         self.graph: GraphBuilder = instantiate(recipe.get("graph"), object, trust)  # type: ignore[assignment]
@@ -118,3 +119,14 @@ class Segmenter:
         data.x = data.x[:, self._node_columns]
         data.edge_attr = data.edge_attr[:, self._edge_columns]
         return data
+
+
+def _usable_device(device: torch.device | str) -> torch.device:
+    try:
+        chosen = torch.device(device)
+        torch.empty(0, device=chosen)
+    # A build without CUDA fails with an assertion, a machine without a GPU or an unknown name with a runtime error.
+    except (AssertionError, NotImplementedError, RuntimeError) as error:
+        reason = str(error).partition("\n")[0]
+        raise ValueError(f"device {str(device)!r} cannot be used: {reason}. device=cpu always can.") from None
+    return chosen

@@ -266,13 +266,7 @@ class Trainer:
         else:
             log.info("going on after epoch %d of %d: %s", state["epoch"], self.epochs, path)
         if not state["finished"]:
-            fabric = Fabric(
-                accelerator=self.accelerator,
-                devices=self.devices,
-                strategy="ddp_spawn" if self.strategy == "auto" and self.devices > 1 else self.strategy,
-                precision=self.precision,  # type: ignore[arg-type]
-                loggers=[make(root_dir=folder) for make in loggers],
-            )
+            fabric = self._fabric([make(root_dir=folder) for make in loggers])
             try:
                 run: Callable[..., None] = self._run
                 fabric.launch(run, model, objectness, graphs, sampler, folder, recipe, validate, state)
@@ -293,6 +287,23 @@ class Trainer:
             folder / CHECKPOINT_FILE,
             path,
         )
+
+    def _fabric(self, loggers: list[Logger]) -> Fabric:
+        """Return Fabric on the configured devices; it fails where the machine or this build of PyTorch lacks them."""
+        try:
+            return Fabric(
+                accelerator=self.accelerator,
+                devices=self.devices,
+                strategy="ddp_spawn" if self.strategy == "auto" and self.devices > 1 else self.strategy,
+                precision=self.precision,  # type: ignore[arg-type]
+                loggers=loggers,
+            )
+        except (RuntimeError, ValueError) as error:
+            raise TrainingError(
+                f"cannot train with trainer.accelerator={self.accelerator}, trainer.devices={self.devices}, "
+                f"trainer.strategy={self.strategy}, trainer.precision={self.precision}: {error} "
+                "trainer.accelerator=auto takes what there is."
+            ) from error
 
     def _run(
         self,
