@@ -44,7 +44,7 @@ def main(config: DictConfig) -> None:
     # By construction; a difference would mean that the graphs are not what the model was trained on.
     checkpoint.require(superpixels=dataset.recipe["superpixels"], graph=dataset.recipe["graph"])
     evaluate = Evaluator(segmenter.partition, segmenter.rule, boundaries=config.boundaries)
-    evaluation = evaluate(dataset, segmenter.model, segmenter.objectness, device=segmenter.device, progress=True)
+    evaluation = evaluate(dataset, segmenter.model, segmenter.objectness, progress=True)
     out = output_folder()
     write_evaluation(evaluation, out)
     draw_examples(example_frames(evaluation, config.pictures), evaluation, source, segmenter, out)

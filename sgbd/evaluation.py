@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-import torch
 from torch import nn
 from torch_geometric.data import Data
 from tqdm import tqdm
@@ -111,16 +110,14 @@ class Evaluator:
         model: nn.Module,
         objectness: nn.Module | None = None,
         *,
-        device: torch.device | str = "cpu",
         progress: bool = False,
     ) -> Evaluation:
-        """Score a model.
+        """Score a model, on the device that it is on.
 
         Args:
             dataset: Graphs with truth, with the feature columns that the model was trained on.
             model: The edge model. It is put into evaluation mode, and left as it was.
-            objectness: The objectness head, if there is one.
-            device: Where the networks are.
+            objectness: The objectness head, if there is one; on the same device.
             progress: Show a progress bar.
 
         Returns:
@@ -138,9 +135,9 @@ class Evaluator:
             module.eval()
         try:
             for data in tqdm(dataset, "evaluating", unit="frame", disable=not progress):
-                classification = classify(model, objectness, data.to(device))
+                classification = classify(model, objectness, data)
                 segments = partition_graph(data, classification, self.partition, self.rule)
-                scored.append(self.score(data.cpu(), segments, dataset.category_names))
+                scored.append(self.score(data, segments, dataset.category_names))
         finally:
             for module, mode in zip(modules, modes, strict=True):
                 module.train(mode)

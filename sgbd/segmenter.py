@@ -10,6 +10,7 @@ import numpy.typing as npt
 import torch
 from torch_geometric.data import Data
 
+from sgbd.adjacency import LabelMap
 from sgbd.checkpoint import Checkpoint, instantiate
 from sgbd.features import edge_columns, node_columns
 from sgbd.frame import Frame, Intrinsics
@@ -38,6 +39,7 @@ class Segmenter:
 
     Raises:
         sgbd.checkpoint.CheckpointError: If the recipe cannot be followed.
+        ValueError: If there is no such device here.
     """
 
     def __init__(
@@ -51,7 +53,7 @@ class Segmenter:
     ) -> None:
         recipe = checkpoint.recipe
         self.recipe = recipe
-        self.device = torch.device(device)
+        self.device = _usable_device(device)
         self.superpixels: Superpixels = instantiate(recipe.get("superpixels"), object, trust)  # type: ignore[assignment]
         self.graph: GraphBuilder = instantiate(recipe.get("graph"), object, trust)  # type: ignore[assignment]
         self.partition: Partitioner = (
@@ -103,12 +105,32 @@ class Segmenter:
         if frame.instances is not None:
             frame = replace(frame, instances=None)
         label_map = self.superpixels(frame)
-        data = self._select(self.graph(frame, label_map, store_maps=False))
-        classification = classify(self.model, self.objectness, data.to(self.device))
+        data = self.build_graph(frame, label_map)
+        classification = classify(self.model, self.objectness, data)
         segments = partition_graph(data, classification, self.partition, self.rule)
         return paint(label_map, data, classification, segments)
 
-    def _select(self, data: Data) -> Data:
+    def build_graph(self, frame: Frame, label_map: LabelMap) -> Data:
+        """Build the graph of a frame with the feature columns that the model was trained on.
+
+        Args:
+            frame: The frame.
+            label_map: int32 [H, W], its superpixels.
+
+        Returns:
+            The graph, as `sgbd.graph.build_graph` describes it, without the packed maps.
+        """
+        data = self.graph(frame, label_map, store_maps=False)
         data.x = data.x[:, self._node_columns]
         data.edge_attr = data.edge_attr[:, self._edge_columns]
         return data
+
+
+def _usable_device(device: torch.device | str) -> torch.device:
+    try:
+        chosen = torch.device(device)
+        torch.empty(0, device=chosen)
+    except (RuntimeError, AssertionError, NotImplementedError) as error:
+        reason = str(error).splitlines()[0]
+        raise ValueError(f"device {device!s} cannot be used here: {reason}. Without a GPU, use device=cpu.") from error
+    return chosen
