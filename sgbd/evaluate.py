@@ -7,13 +7,13 @@ import logging
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 
-from sgbd.checkpoint import Checkpoint
+from sgbd.checkpoint import Checkpoint, find_checkpoint
 from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.evaluation import Evaluator
 from sgbd.pipeline import frame_source
 from sgbd.preparation import prepare
-from sgbd.results import draw_examples, example_frames, find_checkpoint, markdown, write_evaluation
+from sgbd.results import draw_examples, example_frames, markdown, write_evaluation
 from sgbd.segmenter import Segmenter
 
 log = logging.getLogger(__name__)

@@ -26,7 +26,7 @@ from tqdm import tqdm
 
 from sgbd.atomic_file import write_whole
 from sgbd.batches import EpochBatches, batches_in_order, derived_seeds
-from sgbd.checkpoint import Checkpoint
+from sgbd.checkpoint import CHECKPOINT_FILE, Checkpoint
 from sgbd.graph import CUT, MERGE
 from sgbd.models import EdgeClassifier, ObjectnessHead, object_targets
 from sgbd.models.standardize import ColumnMoments
@@ -34,7 +34,6 @@ from sgbd.sampling import EdgeSampler, edge_labels, graphs_of_pairs
 
 log = logging.getLogger(__name__)
 
-CHECKPOINT_FILE = "checkpoint.safetensors"
 STATE_FILE = "state.pt"
 HISTORY_FILE = "history.csv"
 

@@ -14,7 +14,7 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 from tqdm import tqdm
 
-from sgbd.benchmarking.checkpoints import configured_checkpoint, segmenter, trusted_packages
+from sgbd.benchmarking.checkpoints import configured_checkpoint, segmenter
 from sgbd.benchmarking.dataset import write_dataset
 from sgbd.benchmarking.evaluation_speed import measure_evaluation
 from sgbd.benchmarking.frames import RawFrame
@@ -29,6 +29,7 @@ from sgbd.benchmarking.timing import Ratio, Stopwatch, take_turns
 from sgbd.benchmarking.training_speed import measure_training
 from sgbd.configuration import ConfigurationError
 from sgbd.sources import FrameSource
+from sgbd.untrained import trusted_packages
 
 
 @dataclass(frozen=True)
@@ -139,9 +140,7 @@ class Benchmark:
         rows = [{"stage": name, **timing.row()} for name, timing in stages.timings().items()]
         rows.append({"stage": "sum of stages", **stages.sums(REFERENCE_STAGES).row()})
         self.report.add("reference_stages", f"The published algorithm re-stated, {self.size}, n={n}", rows)
-        self._add_comparison(
-            "reference", watched, OURS, f"In turns, {self.size}, n={n}; ratios of times to those of {OURS}"
-        )
+        self._add_comparison("reference", watched, OURS, f"In turns, {self.size}, n={n}")
 
     def compare(self, first: str, second: str) -> None:
         """Time two methods in turns.
