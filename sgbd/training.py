@@ -386,8 +386,9 @@ class Trainer:
         torch.manual_seed(seed)
         generator = torch.Generator().manual_seed(sampling_seed)
         joint.train()
-        sums = torch.zeros(3, dtype=torch.float64, device=fabric.device)
-        recent = torch.zeros_like(sums)
+        sums = torch.zeros(3, dtype=torch.float64)
+        # Not float64: some devices have none.
+        recent = torch.zeros(3, device=fabric.device)
         steps = since = 0
         for batch in batches.epoch(epoch):
             # Pairs are drawn on the CPU, so that they are the same on every device.
@@ -413,10 +414,10 @@ class Trainer:
                     )
                 step = (epoch - 1) * len(batches) + steps
                 fabric.log_dict({"step/loss": means[0], "step/edge_loss": means[1]}, step=step)
-                sums += recent
+                sums += recent.cpu()
                 recent.zero_()
                 since = 0
-        means_of_epoch: Any = fabric.all_reduce(sums / steps, reduce_op="mean")
+        means_of_epoch: Any = fabric.all_reduce((sums / steps).float().to(fabric.device), reduce_op="mean")
         return dict(zip(("loss", "edge_loss", "objectness_loss"), means_of_epoch.tolist(), strict=True))
 
     def _validate(
