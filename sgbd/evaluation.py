@@ -82,10 +82,10 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class GraphScores:
-    """Scores of one partitioned graph, by protocol; see `Evaluation`."""
+    """Scores of one partitioned graph, by protocol; see `Evaluation`. `unaided` is None without an objectness head."""
 
     all: FrameScores
-    unaided: FrameScores
+    unaided: FrameScores | None
     by_category: CategoryScores
     oracle_by_category: CategoryScores
 
@@ -137,19 +137,22 @@ class Evaluator:
             for data in tqdm(dataset, "evaluating", unit="frame", disable=not progress):
                 classification = classify(model, objectness, data)
                 segments = partition_graph(data, classification, self.partition, self.rule)
-                scored.append(self.score(data, segments, dataset.category_names))
+                scored.append(self.score(data, segments, dataset.category_names, unaided=objectness is not None))
         finally:
             for module, mode in zip(modules, modes, strict=True):
                 module.train(mode)
-        return _evaluation(scored, dataset, with_unaided=objectness is not None)
+        return _evaluation(scored, dataset)
 
-    def score(self, data: Data, segments: Segments, category_names: Iterable[str] = ()) -> GraphScores:
+    def score(
+        self, data: Data, segments: Segments, category_names: Iterable[str] = (), *, unaided: bool = True
+    ) -> GraphScores:
         """Score the partition of one graph.
 
         Args:
             data: A graph with truth.
             segments: Its partition.
             category_names: The dataset's categories.
+            unaided: Whether an objectness head has decided on `segments.is_object`, and is to be judged too.
 
         Returns:
             The scores.
@@ -191,15 +194,19 @@ class Evaluator:
                 edges=edge_scores(merged, data.edge_label.numpy()),
                 name=data.name,
             ),
-            unaided=score_frame(
-                table, np.nonzero(segments.is_object)[0], prediction=prediction, truth=truth, name=data.name
+            unaided=(
+                score_frame(
+                    table, np.nonzero(segments.is_object)[0], prediction=prediction, truth=truth, name=data.name
+                )
+                if unaided
+                else None
             ),
             by_category=category_scores(table, category, prediction, truth),
             oracle_by_category=category_scores(oracle, category, oracle_prediction, truth),
         )
 
 
-def _evaluation(scored: Sequence[GraphScores], dataset: SuperpixelGraphDataset, with_unaided: bool) -> Evaluation:
+def _evaluation(scored: Sequence[GraphScores], dataset: SuperpixelGraphDataset) -> Evaluation:
     scores: dict[str, float] = {}
 
     def add(protocol: str, names: Mapping[str, str], means: Mapping[str, float], prefix: str = "") -> None:
@@ -214,8 +221,8 @@ def _evaluation(scored: Sequence[GraphScores], dataset: SuperpixelGraphDataset, 
     add("edges", EDGE_NAMES, means)
     add("regions", REGION_NAMES, means)
     frames = frame_table([frame.all for frame in scored])
-    if with_unaided:
-        own = [frame.unaided for frame in scored]
+    own = [frame.unaided for frame in scored if frame.unaided is not None]
+    if own:
         add("unaided", SHORT_NAMES, summarize(own))
         table = frame_table(own)
         frames = frames.join(table[[name for name in SHORT_NAMES if name in table]].add_prefix("unaided_"))
