@@ -31,7 +31,8 @@ class RecordedFrames(FrameSource):
         depth_scale: Metres of one unit of the depth images.
 
     Raises:
-        FrameReadError: If a path does not exist, only one of the two is a folder, or no frame is found.
+        FrameReadError: If a path does not exist, only one of the two is a folder, no frame is found, or one of two
+            folders holds two images of a frame.
     """
 
     def __init__(
@@ -109,7 +110,18 @@ def _frame_name(path: Path) -> str:
 
 
 def _images_by_name(folder: Path) -> dict[str, Path]:
-    return {_frame_name(path): path for path in sorted(folder.iterdir()) if path.suffix.lower() in IMAGE_SUFFIXES}
+    images: dict[str, Path] = {}
+    for path in sorted(folder.iterdir()):
+        if path.suffix.lower() in IMAGE_SUFFIXES:
+            name = _frame_name(path)
+            if name in images:
+                raise FrameReadError(
+                    path,
+                    f"frame {name!r} has two images, this one and {images[name].name}. A folder that holds colour and "
+                    "depth images is given as rgb alone.",
+                )
+            images[name] = path
+    return images
 
 
 def objects_as_json(segmentation: Segmentation) -> list[dict[str, Any]]:
