@@ -252,7 +252,7 @@ def _values(value: Any, trust: Sequence[str]) -> Any:
 
 
 def _resolve(name: str, trust: Sequence[str]) -> Any:
-    trusted = ("sgbd", *([trust] if isinstance(trust, str) else trust))
+    trusted = tuple(dict.fromkeys(("sgbd", *([trust] if isinstance(trust, str) else trust))))
 
     def is_trusted(path: str) -> bool:
         return any(path == package or path.startswith(f"{package}.") for package in trusted)
