@@ -15,7 +15,7 @@ import pandas as pd
 from omegaconf import OmegaConf
 from paper import NOT_RUN, PAPER_HM_OVERLAP_F
 
-from sgbd.sweep import read_jobs, summarise
+from sgbd.sweep import read_jobs, summarize
 
 HERE = Path(__file__).resolve().parent
 SHOWN = {
@@ -42,7 +42,7 @@ def page(folder: Path, note: str) -> str:
     unfinished = jobs[jobs["state"] != "finished"]
     if len(unfinished):
         raise SystemExit(f"{folder}: {len(unfinished)} jobs are not finished; repeat the sweep, finished jobs are kept")
-    summary = summarise(jobs)
+    summary = summarize(jobs)
     seeds = sorted(set(jobs["seed"]), key=int)
     dataset = OmegaConf.load(folder / jobs["folder"].iloc[0] / "config.yaml").dataset
     varied = summary.attrs["overrides"]

@@ -5,13 +5,13 @@ from __future__ import annotations
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 
-from sgbd.checkpoint import Checkpoint
+from sgbd.checkpoint import Checkpoint, find_checkpoint
 from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.evaluation import Evaluator
 from sgbd.pipeline import frame_source
 from sgbd.preparation import prepare
-from sgbd.results import draw_examples, example_frames, find_checkpoint, markdown, write_evaluation
+from sgbd.results import draw_examples, example_frames, markdown, write_evaluation
 from sgbd.segmenter import Segmenter
 
 
@@ -40,7 +40,7 @@ def main(config: DictConfig) -> None:
     # By construction; a difference would mean that the graphs are not what the model was trained on.
     checkpoint.require(superpixels=dataset.recipe["superpixels"], graph=dataset.recipe["graph"])
     evaluate = Evaluator(segmenter.partition, segmenter.rule, boundaries=config.boundaries)
-    evaluation = evaluate(dataset, segmenter.model, segmenter.objectness, device=segmenter.device, progress=True)
+    evaluation = evaluate(dataset, segmenter.model, segmenter.objectness, progress=True)
     out = output_folder()
     write_evaluation(evaluation, out)
     draw_examples(example_frames(evaluation, config.pictures), evaluation, source, segmenter, out)

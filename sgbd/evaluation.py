@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-import torch
 from torch import nn
 from torch_geometric.data import Data
 from tqdm import tqdm
@@ -84,10 +83,10 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class GraphScores:
-    """Scores of one partitioned graph, by protocol; see `Evaluation`."""
+    """Scores of one partitioned graph, by protocol; see `Evaluation`. `unaided` is None without an objectness head."""
 
     all: FrameScores
-    unaided: FrameScores
+    unaided: FrameScores | None
     by_category: CategoryScores
     oracle_by_category: CategoryScores
 
@@ -112,16 +111,14 @@ class Evaluator:
         model: nn.Module,
         objectness: nn.Module | None = None,
         *,
-        device: torch.device | str = "cpu",
         progress: bool = False,
     ) -> Evaluation:
-        """Score a model.
+        """Score a model, on the device that it is on.
 
         Args:
             dataset: Graphs with truth, with the feature columns that the model was trained on.
             model: The edge model. It is put into evaluation mode, and left as it was.
-            objectness: The objectness head, if there is one.
-            device: Where the networks are.
+            objectness: The objectness head, if there is one; on the same device.
             progress: Show a progress bar.
 
         Returns:
@@ -140,21 +137,25 @@ class Evaluator:
         try:
             with torch_threads(1):
                 for data in tqdm(dataset, "evaluating", unit="frame", disable=not progress):
-                    classification = classify(model, objectness, data.to(device))
+                    classification = classify(model, objectness, data)
                     segments = partition_graph(data, classification, self.partition, self.rule)
-                    scored.append(self.score(data.cpu(), segments, dataset.category_names))
+                    unaided = objectness is not None
+                    scored.append(self.score(data, segments, dataset.category_names, unaided=unaided))
         finally:
             for module, mode in zip(modules, modes, strict=True):
                 module.train(mode)
-        return _evaluation(scored, dataset, with_unaided=objectness is not None)
+        return _evaluation(scored, dataset)
 
-    def score(self, data: Data, segments: Segments, category_names: Iterable[str] = ()) -> GraphScores:
+    def score(
+        self, data: Data, segments: Segments, category_names: Iterable[str] = (), *, unaided: bool = True
+    ) -> GraphScores:
         """Score the partition of one graph.
 
         Args:
             data: A graph with truth.
             segments: Its partition.
             category_names: The dataset's categories.
+            unaided: Whether an objectness head has decided on `segments.is_object`, and is to be judged too.
 
         Returns:
             The scores.
@@ -196,15 +197,19 @@ class Evaluator:
                 edges=edge_scores(merged, data.edge_label.numpy()),
                 name=data.name,
             ),
-            unaided=score_frame(
-                table, np.nonzero(segments.is_object)[0], prediction=prediction, truth=truth, name=data.name
+            unaided=(
+                score_frame(
+                    table, np.nonzero(segments.is_object)[0], prediction=prediction, truth=truth, name=data.name
+                )
+                if unaided
+                else None
             ),
             by_category=category_scores(table, category, prediction, truth),
             oracle_by_category=category_scores(oracle, category, oracle_prediction, truth),
         )
 
 
-def _evaluation(scored: Sequence[GraphScores], dataset: SuperpixelGraphDataset, with_unaided: bool) -> Evaluation:
+def _evaluation(scored: Sequence[GraphScores], dataset: SuperpixelGraphDataset) -> Evaluation:
     scores: dict[str, float] = {}
 
     def add(protocol: str, names: Mapping[str, str], means: Mapping[str, float], prefix: str = "") -> None:
@@ -219,8 +224,8 @@ def _evaluation(scored: Sequence[GraphScores], dataset: SuperpixelGraphDataset, 
     add("edges", EDGE_NAMES, means)
     add("regions", REGION_NAMES, means)
     frames = frame_table([frame.all for frame in scored])
-    if with_unaided:
-        own = [frame.unaided for frame in scored]
+    own = [frame.unaided for frame in scored if frame.unaided is not None]
+    if own:
         add("unaided", SHORT_NAMES, summarize(own))
         table = frame_table(own)
         frames = frames.join(table[[name for name in SHORT_NAMES if name in table]].add_prefix("unaided_"))

@@ -10,21 +10,20 @@ from typing import Any
 
 from hydra.utils import instantiate
 from lightning_fabric import seed_everything
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from sgbd.batches import FIELDS
-from sgbd.checkpoint import Checkpoint
 from sgbd.configuration import ConfigurationError, count_workers
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.evaluation import Evaluation, Evaluator
-from sgbd.features import EDGE_GROUPS, NODE_GROUPS, edge_columns, node_columns
+from sgbd.features import edge_columns, node_columns
 from sgbd.models import EdgeClassifier, ObjectnessHead
 from sgbd.pipeline import frame_source, prepare_splits
 from sgbd.plot import curves_figure
-from sgbd.recipe import describe
 from sgbd.results import draw_examples, example_frames, write_evaluation, write_figure
 from sgbd.segmenter import Segmenter
 from sgbd.training import Trainer, TrainingResult
+from sgbd.untrained import trusted_packages, untrained_checkpoint
 
 log = logging.getLogger(__name__)
 
@@ -71,19 +70,16 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
             f"the dataset has no training frames, only {', '.join(splits)}. Choose another dataset, or score a trained "
             "model on this one: python -m sgbd.evaluate"
         )
+    # Before the frames are prepared: an impossible model is better known at once.
+    seed_everything(config.seed, verbose=False)
+    initial = untrained_checkpoint(config)
+    model, objectness, features = initial.model, initial.objectness, initial.recipe["features"]
     cache = prepare_splits(config, splits)
-    features = {"node": _groups(config.features.node, NODE_GROUPS), "edge": _groups(config.features.edge, EDGE_GROUPS)}
 
     def graphs(split: str, fields: Collection[str] | None = None) -> SuperpixelGraphDataset:
         return SuperpixelGraphDataset(cache, split, features["node"], features["edge"], config.in_memory, fields)
 
     training = graphs("train", ("name", *FIELDS))
-    seed_everything(config.seed, verbose=False)
-    channels = {"node_channels": training.node_channels, "edge_channels": training.edge_channels}
-    model: EdgeClassifier = instantiate(config.model, **channels)
-    objectness: ObjectnessHead | None = None
-    if config.objectness is not None:
-        objectness = instantiate(config.objectness, node_channels=training.node_channels)
     partition, rule = instantiate(config.partition), instantiate(config.objects)
     trainer: Trainer = instantiate(config.trainer)
 
@@ -99,15 +95,7 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
         sampler=instantiate(config.sampler),
         folder=folder,
         recipe={
-            "superpixels": describe(instantiate(config.superpixels), "superpixels"),
-            "graph": describe(instantiate(config.graph), "graph"),
-            "features": features,
-            "model": {**_plain(config.model), **channels},
-            "objectness": (
-                None if objectness is None else {**_plain(config.objectness), "node_channels": training.node_channels}
-            ),
-            "partition": _plain(config.partition),
-            "objects": _plain(config.objects),
+            **initial.recipe,
             "dataset": training.recipe["dataset"],
             "seed": config.seed,
             "versions": {package: version(package) for package in ("sgbd", "torch", "torch-geometric")},
@@ -153,7 +141,7 @@ def _test(
     config: DictConfig, dataset: SuperpixelGraphDataset, trained: TrainingResult, folder: Path, workers: int
 ) -> Evaluation:
     """Score the best epoch's checkpoint, as read from its file, on the test frames."""
-    segmenter = Segmenter(Checkpoint.load(trained.checkpoint, trust=_packages(config)), trust=_packages(config))
+    segmenter = Segmenter.load(trained.checkpoint, trust=trusted_packages(config))
     evaluate = Evaluator(segmenter.partition, segmenter.rule)
     evaluation = evaluate(dataset, segmenter.model, segmenter.objectness, progress=True)
     write_evaluation(evaluation, folder)
@@ -169,20 +157,3 @@ def _draw_curves(trained: TrainingResult, folder: Path) -> None:
         name: list(zip(history["epoch"], history[name], strict=True)) for name in shown if name in history.columns
     }
     write_figure(curves_figure(curves, f"best epoch {trained.best_epoch}"), folder / "curves.png")
-
-
-def _groups(chosen: Collection[str] | None, table: Mapping[str, Any]) -> list[str]:
-    """Spell out which groups null stands for, so that a checkpoint keeps its meaning when groups are added."""
-    return list(table if chosen is None else chosen)
-
-
-def _plain(config: DictConfig) -> dict[str, Any]:
-    values = OmegaConf.to_container(config, resolve=True)
-    assert isinstance(values, dict)
-    return {str(key): value for key, value in values.items()}
-
-
-def _packages(config: DictConfig) -> tuple[str, ...]:
-    """Packages whose classes the configuration names: whoever wrote it trusts them."""
-    groups = (config.superpixels, config.graph, config.model, config.objectness, config.partition)
-    return tuple({group._target_.partition(".")[0] for group in groups if group is not None})

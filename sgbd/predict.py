@@ -10,10 +10,10 @@ from omegaconf import DictConfig
 from tqdm import tqdm
 from tqdm.contrib.logging import logging_redirect_tqdm
 
+from sgbd.checkpoint import find_checkpoint
 from sgbd.configuration import ConfigurationError, entry_point, output_folder
 from sgbd.frame import FrameError
 from sgbd.prediction import RecordedFrames, write_segmentation
-from sgbd.results import find_checkpoint
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameReadError
 from sgbd.sources.camera import intrinsics_from

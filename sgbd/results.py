@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,42 +10,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sgbd.atomic_file import write_whole
-from sgbd.checkpoint import CheckpointError
 from sgbd.evaluation import Evaluation, score_table
 from sgbd.plot import segmentation_figure
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameSource
-from sgbd.training import CHECKPOINT_FILE
-
-log = logging.getLogger(__name__)
 
 PICTURE_DPI = 90
-
-
-def find_checkpoint(path: str | None, output_dir: str | Path) -> Path:
-    """Return the checkpoint that is meant.
-
-    Args:
-        path: A checkpoint file, or the folder of a training; None for the newest one below `output_dir`.
-        output_dir: Where trainings leave their folders.
-
-    Returns:
-        The file; whether it can be read shows when it is loaded.
-
-    Raises:
-        CheckpointError: If there is none below `output_dir`.
-    """
-    if path is not None:
-        given = Path(path).expanduser()
-        return given / CHECKPOINT_FILE if given.is_dir() else given
-    found = sorted(Path(output_dir).rglob(CHECKPOINT_FILE), key=lambda file: file.stat().st_mtime)
-    if not found:
-        raise CheckpointError(
-            f"there is no trained model in {output_dir}. Train one with python -m sgbd.train, or give "
-            "checkpoint=<file.safetensors>"
-        )
-    log.info("Using the newest checkpoint: %s", found[-1])
-    return found[-1]
 
 
 def write_evaluation(evaluation: Evaluation, folder: Path) -> None:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 import torch
 from torch_geometric.data import Data
 
+from sgbd.adjacency import LabelMap
 from sgbd.checkpoint import Checkpoint, instantiate
 from sgbd.features import edge_columns, node_columns
 from sgbd.frame import Frame, Intrinsics
@@ -109,13 +110,23 @@ class Segmenter:
         if frame.instances is not None:
             frame = replace(frame, instances=None)
         label_map = self.superpixels(frame)
-        data = self._select(self.graph(frame, label_map, store_maps=False))
+        data = self.build_graph(frame, label_map)
         with torch_threads(self.threads):
-            classification = classify(self.model, self.objectness, data.to(self.device))
+            classification = classify(self.model, self.objectness, data)
         segments = partition_graph(data, classification, self.partition, self.rule)
         return paint(label_map, data, classification, segments)
 
-    def _select(self, data: Data) -> Data:
+    def build_graph(self, frame: Frame, label_map: LabelMap) -> Data:
+        """Build the graph of a frame with the feature columns that the model was trained on.
+
+        Args:
+            frame: The frame.
+            label_map: int32 [H, W], its superpixels.
+
+        Returns:
+            The graph, as `sgbd.graph.build_graph` describes it, without the packed maps.
+        """
+        data = self.graph(frame, label_map, store_maps=False)
         data.x = data.x[:, self._node_columns]
         data.edge_attr = data.edge_attr[:, self._edge_columns]
         return data

@@ -25,7 +25,7 @@ from tqdm import tqdm
 
 from sgbd.atomic_file import write_whole
 from sgbd.batches import EpochBatches, batches_in_order, derived_seeds
-from sgbd.checkpoint import Checkpoint
+from sgbd.checkpoint import CHECKPOINT_FILE, Checkpoint
 from sgbd.graph import CUT, MERGE
 from sgbd.models import EdgeClassifier, ObjectnessHead, object_targets
 from sgbd.models.standardize import ColumnMoments
@@ -34,7 +34,6 @@ from sgbd.torch_threads import torch_threads
 
 log = logging.getLogger(__name__)
 
-CHECKPOINT_FILE = "checkpoint.safetensors"
 STATE_FILE = "state.pt"
 HISTORY_FILE = "history.csv"
 
@@ -398,8 +397,9 @@ class Trainer:
         torch.manual_seed(seed)
         generator = torch.Generator().manual_seed(sampling_seed)
         joint.train()
-        sums = torch.zeros(3, dtype=torch.float64, device=fabric.device)
-        recent = torch.zeros_like(sums)
+        sums = torch.zeros(3, dtype=torch.float64)
+        # Not float64: some devices have none.
+        recent = torch.zeros(3, device=fabric.device)
         steps = since = 0
         for batch in batches.epoch(epoch):
             # Pairs are drawn on the CPU, so that they are the same on every device.
@@ -425,10 +425,10 @@ class Trainer:
                     )
                 step = (epoch - 1) * len(batches) + steps
                 fabric.log_dict({"step/loss": means[0], "step/edge_loss": means[1]}, step=step)
-                sums += recent
+                sums += recent.cpu()
                 recent.zero_()
                 since = 0
-        means_of_epoch: Any = fabric.all_reduce(sums / steps, reduce_op="mean")
+        means_of_epoch: Any = fabric.all_reduce((sums / steps).float().to(fabric.device), reduce_op="mean")
         return dict(zip(("loss", "edge_loss", "objectness_loss"), means_of_epoch.tolist(), strict=True))
 
     def _validate(
