@@ -137,7 +137,7 @@ def _usable_device(device: torch.device | str) -> torch.device:
         chosen = torch.device(device)
         torch.empty(0, device=chosen)
     # A build without CUDA fails with an assertion, a machine without a GPU or an unknown name with a runtime error.
-    except (AssertionError, NotImplementedError, RuntimeError) as error:
-        reason = str(error).partition("\n")[0]
-        raise ValueError(f"device {str(device)!r} cannot be used: {reason}. device=cpu always can.") from None
+    except (RuntimeError, AssertionError, NotImplementedError) as error:
+        reason = str(error).splitlines()[0]
+        raise ValueError(f"device {device!s} cannot be used here: {reason}. Without a GPU, use device=cpu.") from error
     return chosen
