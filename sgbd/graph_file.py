@@ -242,8 +242,10 @@ def _decode(header: Mapping[str, Any], stored: Mapping[str, Tensor], wanted: Col
         if mirrored and key == "edge_index":
             tensor = torch.cat([tensor, tensor.flip(0)], dim=1)
         elif mirrored and key == "edge_attr":
+            # Each part is as narrow as its own values allow.
+            tensor = tensor.to(torch.float32)
             backward = tensor.clone()
-            backward[:, stored[_REVERSED_COLUMNS].long()] = stored["edge_attr.reversed"]
+            backward[:, stored[_REVERSED_COLUMNS].long()] = stored["edge_attr.reversed"].to(torch.float32)
             tensor = torch.cat([tensor, backward])
         # A copy where nothing changes type: fields must not share memory.
         values[key] = tensor.to(getattr(torch, entry["dtype"]), copy=key == "edge_label_index")
