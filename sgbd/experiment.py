@@ -16,10 +16,10 @@ from sgbd.batches import FIELDS
 from sgbd.checkpoint import Checkpoint
 from sgbd.configuration import ConfigurationError, count_workers
 from sgbd.data import SuperpixelGraphDataset
-from sgbd.evaluation import Evaluation, Evaluator
+from sgbd.evaluation import Evaluation, Evaluator, with_truth
 from sgbd.features import EDGE_GROUPS, NODE_GROUPS
 from sgbd.models import EdgeClassifier, ObjectnessHead
-from sgbd.pipeline import frame_source, prepare_splits
+from sgbd.pipeline import frame_source, prepare_splits, splits_of
 from sgbd.plot import curves_figure
 from sgbd.recipe import describe
 from sgbd.results import draw_examples, example_frames, write_evaluation, write_figure
@@ -61,8 +61,10 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
         ConfigurationError: If the dataset has no training split.
     """
     workers = count_workers(config.workers)
-    splits = frame_source(config.dataset, workers).splits
+    splits = splits_of(frame_source(config.dataset, workers))
     if "train" not in splits:
+        # A folder that is not there says so itself.
+        len(frame_source(config.dataset, workers, splits[0]))
         raise ConfigurationError(
             f"the dataset has no training frames, only {', '.join(splits)}. Choose another dataset, or score a trained "
             "model on this one: python -m sgbd.evaluate"
@@ -71,7 +73,8 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
     features = {"node": _groups(config.features.node, NODE_GROUPS), "edge": _groups(config.features.edge, EDGE_GROUPS)}
 
     def graphs(split: str, fields: Collection[str] | None = None) -> SuperpixelGraphDataset:
-        return SuperpixelGraphDataset(cache, split, features["node"], features["edge"], config.in_memory, fields)
+        dataset = SuperpixelGraphDataset(cache, split, features["node"], features["edge"], config.in_memory, fields)
+        return with_truth(dataset, config.on_error)
 
     training = graphs("train", ("name", *FIELDS))
     seed_everything(config.seed, verbose=False)
@@ -88,6 +91,11 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
         validate = Validation(graphs("val"), Evaluator(partition, rule, boundaries=False))
     else:
         log.warning("the dataset has no validation frames: the last epoch's weights are kept")
+
+    # Before the training: a dataset that cannot be scored is told of now.
+    testing = graphs("test") if "test" in splits else None
+    if testing is None:
+        log.warning("the dataset has no test frames: nothing will be evaluated")
 
     trained = trainer.train(
         model,
@@ -119,10 +127,9 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
         "best_epoch": trained.best_epoch,
         "validation_score": trained.best_score,
     }
-    if "test" not in splits:
-        log.warning("the dataset has no test frames: nothing is evaluated")
+    if testing is None:
         return {**outcome, "scores": {}}
-    evaluation = _test(config, graphs("test"), trained, folder, workers)
+    evaluation = _test(config, testing, trained, folder, workers)
     return {**outcome, "scores": evaluation.scores}
 
 
