@@ -126,7 +126,7 @@ def explain(error: BaseException) -> str | None:
         return str(error)
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
         where = f" while writing {error.filename}" if error.filename else ""
-        return f"the disk is full{where}. Nothing finished is lost: make room and repeat the command."
+        return f"the disk is full{where}. Make room. {_how_to_continue()}"
     if isinstance(error, FileNotFoundError | PermissionError | NotADirectoryError | IsADirectoryError):
         return str(error)
     return None

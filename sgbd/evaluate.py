@@ -8,8 +8,8 @@ from omegaconf import DictConfig
 from sgbd.checkpoint import Checkpoint, find_checkpoint
 from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
 from sgbd.data import SuperpixelGraphDataset
-from sgbd.evaluation import Evaluator
-from sgbd.pipeline import frame_source
+from sgbd.evaluation import Evaluator, with_truth
+from sgbd.pipeline import frame_source, splits_of
 from sgbd.preparation import prepare
 from sgbd.results import draw_examples, example_frames, markdown, write_evaluation
 from sgbd.segmenter import Segmenter
@@ -30,13 +30,15 @@ def main(config: DictConfig) -> None:
     )
     workers = count_workers(config.workers)
     source = frame_source(config.dataset, workers, config.split)
-    if config.split not in source.splits:
-        raise ConfigurationError(f"the dataset has no split {config.split!r}; choose from {', '.join(source.splits)}")
+    splits = splits_of(source)
+    if config.split not in splits:
+        raise ConfigurationError(f"the dataset has no split {config.split!r}; choose from {', '.join(splits)}")
     folder = prepare(
         source, segmenter.superpixels, segmenter.graph, config.cache_dir, workers=workers, on_error=config.on_error
     )
     features = segmenter.recipe["features"]
-    dataset = SuperpixelGraphDataset(folder, source.split, features["node"], features["edge"])
+    prepared = SuperpixelGraphDataset(folder, source.split, features["node"], features["edge"])
+    dataset = with_truth(prepared, config.on_error)
     # By construction; a difference would mean that the graphs are not what the model was trained on.
     checkpoint.require(superpixels=dataset.recipe["superpixels"], graph=dataset.recipe["graph"])
     evaluate = Evaluator(segmenter.partition, segmenter.rule, boundaries=config.boundaries)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -32,6 +33,8 @@ from sgbd.partition import Partitioner
 from sgbd.segmentation import ObjectRule, Segments, classify, partition_graph
 from sgbd.torch_threads import torch_threads
 
+log = logging.getLogger(__name__)
+
 SHORT_NAMES = {
     "overlap_precision": "overlap_precision",
     "overlap_recall": "overlap_recall",
@@ -49,6 +52,8 @@ EDGE_NAMES = {
 }
 REGION_NAMES = {"rand_error": "rand_error", "variation_of_information": "variation_of_information"}
 GROUPS = {"seen": "seen", "unseen": "unseen", "harmonic_mean": "hm"}
+NAMED = 20
+"""Frames without truth that are named one by one."""
 ROWS = ("seen", "unseen", "hm", "all", "unaided", "oracle_seen", "oracle_unseen", "oracle_hm", "oracle")
 
 
@@ -237,6 +242,34 @@ def _evaluation(scored: Sequence[GraphScores], dataset: SuperpixelGraphDataset) 
             for group, row in seen_and_unseen(by_category, dataset.seen).iterrows():
                 add(prefix + GROUPS[str(group)], SHORT_NAMES, {str(name): float(value) for name, value in row.items()})
     return Evaluation(scores, frames, category_table([frame.by_category for frame in scored]))
+
+
+def with_truth(dataset: SuperpixelGraphDataset, on_error: str = "skip") -> SuperpixelGraphDataset:
+    """Return the graphs whose frames have ground truth: the others can neither be learned from nor scored.
+
+    Args:
+        dataset: Prepared graphs.
+        on_error: What to do if some have no truth: `skip` leaves them out and names them, `fail` raises.
+
+    Returns:
+        The dataset, or a part of it.
+
+    Raises:
+        EvaluationError: If none has truth, or one has not and `on_error` is `fail`.
+    """
+    labelled = dataset.labelled()
+    missing = sorted(set(dataset.names) - set(labelled.names))
+    if not missing:
+        return dataset
+    named = ", ".join(missing[:NAMED]) + (f" and {len(missing) - NAMED} more" if len(missing) > NAMED else "")
+    told = f"{len(missing)} of {len(dataset)} frames of {dataset.split} have no ground truth: {named}"
+    if on_error == "fail" or len(labelled) == 0:
+        raise EvaluationError(
+            f"{told}. Give label images (dataset=folder: NAME_labels.png), or use python -m sgbd.predict, which needs "
+            "none."
+        )
+    log.warning("left out: %s", told)
+    return labelled
 
 
 def score_table(scores: dict[str, float]) -> pd.DataFrame:

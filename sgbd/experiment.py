@@ -15,10 +15,10 @@ from omegaconf import DictConfig
 from sgbd.batches import FIELDS
 from sgbd.configuration import ConfigurationError, count_workers
 from sgbd.data import SuperpixelGraphDataset
-from sgbd.evaluation import Evaluation, Evaluator
+from sgbd.evaluation import Evaluation, Evaluator, with_truth
 from sgbd.features import edge_columns, node_columns
 from sgbd.models import EdgeClassifier, ObjectnessHead
-from sgbd.pipeline import frame_source, prepare_splits
+from sgbd.pipeline import frame_source, prepare_splits, splits_of
 from sgbd.plot import curves_figure
 from sgbd.results import draw_examples, example_frames, write_evaluation, write_figure
 from sgbd.segmenter import Segmenter
@@ -61,11 +61,10 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
     """
     workers = count_workers(config.workers)
     _check(config)
-    source = frame_source(config.dataset, workers)
-    splits = source.splits
+    splits = splits_of(frame_source(config.dataset, workers))
     if "train" not in splits:
-        # Without any frames the source says what it misses.
-        len(source)
+        # A folder that is not there says so itself.
+        len(frame_source(config.dataset, workers, splits[0]))
         raise ConfigurationError(
             f"the dataset has no training frames, only {', '.join(splits)}. Choose another dataset, or score a trained "
             "model on this one: python -m sgbd.evaluate"
@@ -77,7 +76,8 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
     cache = prepare_splits(config, splits)
 
     def graphs(split: str, fields: Collection[str] | None = None) -> SuperpixelGraphDataset:
-        return SuperpixelGraphDataset(cache, split, features["node"], features["edge"], config.in_memory, fields)
+        dataset = SuperpixelGraphDataset(cache, split, features["node"], features["edge"], config.in_memory, fields)
+        return with_truth(dataset, config.on_error)
 
     training = graphs("train", ("name", *FIELDS))
     partition, rule = instantiate(config.partition), instantiate(config.objects)
@@ -88,6 +88,11 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
         validate = Validation(graphs("val"), Evaluator(partition, rule, boundaries=False))
     else:
         log.warning("the dataset has no validation frames: the last epoch's weights are kept")
+
+    # Before the training: a dataset that cannot be scored is told of now.
+    testing = graphs("test") if "test" in splits else None
+    if testing is None:
+        log.warning("the dataset has no test frames: nothing will be evaluated")
 
     trained = trainer.train(
         model,
@@ -111,10 +116,9 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
         "best_epoch": trained.best_epoch,
         "validation_score": trained.best_score,
     }
-    if "test" not in splits:
-        log.warning("the dataset has no test frames: nothing is evaluated")
+    if testing is None:
         return {**outcome, "scores": {}}
-    evaluation = _test(config, graphs("test"), trained, folder, workers)
+    evaluation = _test(config, testing, trained, folder, workers)
     return {**outcome, "scores": evaluation.scores}
 
 

@@ -33,6 +33,11 @@ def frame_source(dataset: DictConfig, workers: int, split: str | None = None) ->
     return source
 
 
+def splits_of(source: FrameSource) -> tuple[str, ...]:
+    """Return the splits of a dataset; its own if it has none, so that reading that one says what is missing."""
+    return source.splits or (source.split,)
+
+
 def prepare_splits(config: DictConfig, splits: Sequence[str]) -> Path:
     """Prepare the graphs of some splits as configured, or find them prepared.
 

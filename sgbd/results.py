@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -87,7 +88,8 @@ def draw_examples(
 
 
 def write_figure(figure: Figure, path: Path) -> Path:
-    """Write a figure as PNG; its folder is made if needed."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=PICTURE_DPI)
+    """Write a figure as PNG, whole or not at all; its folder is made if needed."""
+    picture = io.BytesIO()
+    figure.savefig(picture, format="png", dpi=PICTURE_DPI)
+    write_whole(path, picture.getvalue())
     return path
