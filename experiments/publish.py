@@ -57,7 +57,6 @@ def page(folder: Path, note: str) -> str:
     if paper and len(varied) == 1:
         values = [paper.get(str(value)) for value in summary[varied[0]]]
         table["HM F in the paper"] = ["–" if value is None else f"{value:.1f}" for value in values]
-    table["seconds"] = [f"{value:.0f}" for value in summary["seconds"]]
     command = f"python -m sgbd.train +experiment={name}" + (f" seed={','.join(seeds)}" if len(seeds) > 1 else "")
     lines = [
         f"# {name}",

@@ -18,6 +18,8 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
+from sgbd.processors import usable_processors
+
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells report it (128 + SIGINT)."""
 
@@ -54,7 +56,7 @@ def count_workers(workers: int | None) -> int:
         ConfigurationError: If `workers` is negative.
     """
     if workers is None:
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return len(usable_processors())
     if workers < 0:
         raise ConfigurationError(
             f"workers must be null (one a CPU), 0 (none, all in this process) or more; got {workers}"
