@@ -15,7 +15,7 @@ import pandas as pd
 from omegaconf import OmegaConf
 from paper import NOT_RUN, PAPER_HM_OVERLAP_F
 
-from sgbd.sweep import read_jobs, summarise
+from sgbd.sweep import read_jobs, summarize
 
 HERE = Path(__file__).resolve().parent
 SHOWN = {
@@ -42,7 +42,7 @@ def page(folder: Path, note: str) -> str:
     unfinished = jobs[jobs["state"] != "finished"]
     if len(unfinished):
         raise SystemExit(f"{folder}: {len(unfinished)} jobs are not finished; repeat the sweep, finished jobs are kept")
-    summary = summarise(jobs)
+    summary = summarize(jobs)
     seeds = sorted(set(jobs["seed"]), key=int)
     dataset = OmegaConf.load(folder / jobs["folder"].iloc[0] / "config.yaml").dataset
     varied = summary.attrs["overrides"]
@@ -57,7 +57,6 @@ def page(folder: Path, note: str) -> str:
     if paper and len(varied) == 1:
         values = [paper.get(str(value)) for value in summary[varied[0]]]
         table["HM F in the paper"] = ["–" if value is None else f"{value:.1f}" for value in values]
-    table["seconds"] = [f"{value:.0f}" for value in summary["seconds"]]
     command = f"python -m sgbd.train +experiment={name}" + (f" seed={','.join(seeds)}" if len(seeds) > 1 else "")
     lines = [
         f"# {name}",

@@ -11,9 +11,10 @@ from omegaconf import DictConfig, OmegaConf
 
 from sgbd.benchmarking.checkpoints import configured_checkpoint
 from sgbd.benchmarking.environment import environment, limited_to
+from sgbd.benchmarking.extent import configured_extent
 from sgbd.benchmarking.frames import raw_frames
 from sgbd.benchmarking.report import Report
-from sgbd.benchmarking.sections import SECTIONS, SHORT, Benchmark, Extent, chosen_sections
+from sgbd.benchmarking.sections import SECTIONS, Benchmark, chosen_sections
 from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
 
 log = logging.getLogger(__name__)
@@ -32,7 +33,7 @@ def run_benchmark(config: DictConfig) -> Report:
         ConfigurationError: If an option is impossible.
     """
     sections = chosen_sections(config.sections)
-    extent = _extent(config)
+    extent = configured_extent(config)
     compare = config.compare
     if compare is not None and len(compare) != 2:
         raise ConfigurationError(f"compare must name two methods, for example [ours,reference]; got {list(compare)}")
@@ -52,14 +53,6 @@ def run_benchmark(config: DictConfig) -> Report:
                 SECTIONS[name](benchmark)
                 _print_from(report, printed)
     return report
-
-
-def _extent(config: DictConfig) -> Extent:
-    """Return how much to measure: what is configured, and the full or the short extent where that is null."""
-    given = {field.name: config[field.name] for field in dataclasses.fields(Extent)}
-    return dataclasses.replace(
-        SHORT if config.short else Extent(), **{name: value for name, value in given.items() if value is not None}
-    )
 
 
 def _numbers(config: DictConfig) -> list[int]:

@@ -15,6 +15,7 @@ import functools
 import importlib
 import inspect
 import json
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,6 +27,11 @@ import torch
 
 from sgbd.atomic_file import write_whole
 from sgbd.models import EdgeClassifier, ObjectnessHead
+
+log = logging.getLogger(__name__)
+
+CHECKPOINT_FILE = "checkpoint.safetensors"
+"""Name of a checkpoint in the folder of its training."""
 
 FORMAT = "sgbd checkpoint"
 FORMAT_VERSION = 1
@@ -169,6 +175,32 @@ class Checkpoint:
             )
 
 
+def find_checkpoint(path: str | None, output_dir: str | Path) -> Path:
+    """Return the checkpoint that is meant.
+
+    Args:
+        path: A checkpoint file, or the folder of a training; None for the newest one below `output_dir`.
+        output_dir: Where trainings leave their folders.
+
+    Returns:
+        The file; whether it can be read shows when it is loaded.
+
+    Raises:
+        CheckpointError: If there is none below `output_dir`.
+    """
+    if path is not None:
+        given = Path(path).expanduser()
+        return given / CHECKPOINT_FILE if given.is_dir() else given
+    found = sorted(Path(output_dir).rglob(CHECKPOINT_FILE), key=lambda file: file.stat().st_mtime)
+    if not found:
+        raise CheckpointError(
+            f"there is no trained model in {output_dir}. Train one with python -m sgbd.train, or give "
+            "checkpoint=<file.safetensors>"
+        )
+    log.info("Using the newest checkpoint: %s", found[-1])
+    return found[-1]
+
+
 def instantiate(config: Any, kind: type[Kind], trust: Sequence[str] = ()) -> Kind:
     """Make an object from a configuration that came with a file, and so may come from anyone.
 
@@ -220,7 +252,7 @@ def _values(value: Any, trust: Sequence[str]) -> Any:
 
 
 def _resolve(name: str, trust: Sequence[str]) -> Any:
-    trusted = ("sgbd", *([trust] if isinstance(trust, str) else trust))
+    trusted = tuple(dict.fromkeys(("sgbd", *([trust] if isinstance(trust, str) else trust))))
 
     def is_trusted(path: str) -> bool:
         return any(path == package or path.startswith(f"{package}.") for package in trusted)

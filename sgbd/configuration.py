@@ -18,6 +18,8 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
+from sgbd.processors import usable_processors
+
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells report it (128 + SIGINT)."""
 
@@ -54,7 +56,7 @@ def count_workers(workers: int | None) -> int:
         ConfigurationError: If `workers` is negative.
     """
     if workers is None:
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return len(usable_processors())
     if workers < 0:
         raise ConfigurationError(
             f"workers must be null (one a CPU), 0 (none, all in this process) or more; got {workers}"
@@ -115,7 +117,7 @@ def explain(error: BaseException) -> str | None:
         cause = error.__cause__
         told = explain(cause) if cause is not None else None
         # Without a known cause: a wrong argument or `_target_`; Hydra's message names the key.
-        return told or str(error)
+        return told or (_with_reason(error, cause) if isinstance(cause, ImportError) else str(error))
     if isinstance(error, MissingMandatoryValue):
         key = error.full_key or "a mandatory value"
         return f"{key} is not set. Give it on the command line: {key}=<value>"
@@ -126,10 +128,16 @@ def explain(error: BaseException) -> str | None:
         return str(error)
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
         where = f" while writing {error.filename}" if error.filename else ""
-        return f"the disk is full{where}. Nothing finished is lost: make room and repeat the command."
+        return f"the disk is full{where}. Make room. {_how_to_continue()}"
     if isinstance(error, FileNotFoundError | PermissionError | NotADirectoryError | IsADirectoryError):
         return str(error)
     return None
+
+
+def _with_reason(error: BaseException, cause: ImportError) -> str:
+    """Return the message of an import that failed with what was missing, which Hydra leaves to the traceback."""
+    message = str(error).replace(", set env var HYDRA_FULL_ERROR=1 to see chained exception", "")
+    return f"{message}\n{cause}\nModules are found in the current folder, on PYTHONPATH and among what is installed."
 
 
 def _raised_here(error: BaseException) -> bool:

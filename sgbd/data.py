@@ -10,7 +10,7 @@ from typing import Any
 from torch_geometric.data import Data, Dataset
 
 from sgbd.features import EDGE_GROUPS, NODE_GROUPS, edge_columns, node_columns
-from sgbd.graph_file import FORMAT_VERSION, read_graph
+from sgbd.graph_file import FORMAT_VERSION, read_graph, stored_fields
 from sgbd.preparation import INDEX_FILE, RECIPE_FILE, graph_file_name, read_index
 from sgbd.recipe import Recipe
 
@@ -115,6 +115,13 @@ class SuperpixelGraphDataset(Dataset):
     def edge_channels(self) -> int:
         """Number of edge features."""
         return len(self._edge_columns)
+
+    def labelled(self) -> SuperpixelGraphDataset:
+        """Return the sub-dataset of the graphs whose frames have ground truth; of each file only the head is read."""
+        folder, names = self.folder / self.split, self._index["names"]
+        indices = list(self.indices())
+        kept = [k for k, at in enumerate(indices) if "edge_label" in stored_fields(folder / graph_file_name(names[at]))]
+        return self if len(kept) == len(indices) else self.index_select(kept)
 
     def statistics(self) -> dict[str, Any]:
         """Return what the preparation counted over the whole split.

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import logging
-
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 
-from sgbd.checkpoint import Checkpoint
+from sgbd.checkpoint import Checkpoint, find_checkpoint
 from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
 from sgbd.data import SuperpixelGraphDataset
-from sgbd.evaluation import Evaluator
-from sgbd.pipeline import frame_source
+from sgbd.evaluation import Evaluator, with_truth
+from sgbd.pipeline import frame_source, splits_of
 from sgbd.preparation import prepare
-from sgbd.results import draw_examples, example_frames, find_checkpoint, markdown, write_evaluation
+from sgbd.results import draw_examples, example_frames, markdown, write_evaluation
 from sgbd.segmenter import Segmenter
-
-log = logging.getLogger(__name__)
 
 
 @entry_point("evaluate")
@@ -34,23 +30,26 @@ def main(config: DictConfig) -> None:
     )
     workers = count_workers(config.workers)
     source = frame_source(config.dataset, workers, config.split)
-    if config.split not in source.splits:
-        raise ConfigurationError(f"the dataset has no split {config.split!r}; choose from {', '.join(source.splits)}")
+    splits = splits_of(source)
+    if config.split not in splits:
+        raise ConfigurationError(f"the dataset has no split {config.split!r}; choose from {', '.join(splits)}")
     folder = prepare(
         source, segmenter.superpixels, segmenter.graph, config.cache_dir, workers=workers, on_error=config.on_error
     )
     features = segmenter.recipe["features"]
-    dataset = SuperpixelGraphDataset(folder, source.split, features["node"], features["edge"])
+    prepared = SuperpixelGraphDataset(folder, source.split, features["node"], features["edge"])
+    dataset = with_truth(prepared, config.on_error)
     # By construction; a difference would mean that the graphs are not what the model was trained on.
     checkpoint.require(superpixels=dataset.recipe["superpixels"], graph=dataset.recipe["graph"])
     evaluate = Evaluator(segmenter.partition, segmenter.rule, boundaries=config.boundaries)
-    evaluation = evaluate(dataset, segmenter.model, segmenter.objectness, device=segmenter.device, progress=True)
+    evaluation = evaluate(dataset, segmenter.model, segmenter.objectness, progress=True)
     out = output_folder()
     write_evaluation(evaluation, out)
     draw_examples(example_frames(evaluation, config.pictures), evaluation, source, segmenter, out)
-    print(f"\n{path} on {len(dataset)} frames of {source.split}, per cent:\n\n{markdown(evaluation)}\n")
-    for name, reason in dataset.skipped.items():
-        log.warning("not evaluated: %s: %s", name, reason)
+    # Which ones, and why, the preparation has said.
+    skipped = f" ({len(dataset.skipped)} more skipped, see above)" if dataset.skipped else ""
+    frames = f"{len(dataset)} frame{'s'[: len(dataset) != 1]} of {source.split}{skipped}"
+    print(f"\n{path} on {frames}, per cent:\n\n{markdown(evaluation)}\n")
     print(f"Scores of every frame and pictures: {out}")
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-import torch
 from torch import nn
 from torch_geometric.data import Data
 from tqdm import tqdm
@@ -31,6 +31,9 @@ from sgbd.metrics import (
 )
 from sgbd.partition import Partitioner
 from sgbd.segmentation import ObjectRule, Segments, classify, partition_graph
+from sgbd.torch_threads import torch_threads
+
+log = logging.getLogger(__name__)
 
 SHORT_NAMES = {
     "overlap_precision": "overlap_precision",
@@ -49,6 +52,8 @@ EDGE_NAMES = {
 }
 REGION_NAMES = {"rand_error": "rand_error", "variation_of_information": "variation_of_information"}
 GROUPS = {"seen": "seen", "unseen": "unseen", "harmonic_mean": "hm"}
+NAMED = 20
+"""Frames without truth that are named one by one."""
 ROWS = ("seen", "unseen", "hm", "all", "unaided", "oracle_seen", "oracle_unseen", "oracle_hm", "oracle")
 
 
@@ -83,10 +88,10 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class GraphScores:
-    """Scores of one partitioned graph, by protocol; see `Evaluation`."""
+    """Scores of one partitioned graph, by protocol; see `Evaluation`. `unaided` is None without an objectness head."""
 
     all: FrameScores
-    unaided: FrameScores
+    unaided: FrameScores | None
     by_category: CategoryScores
     oracle_by_category: CategoryScores
 
@@ -111,16 +116,14 @@ class Evaluator:
         model: nn.Module,
         objectness: nn.Module | None = None,
         *,
-        device: torch.device | str = "cpu",
         progress: bool = False,
     ) -> Evaluation:
-        """Score a model.
+        """Score a model, on the device that it is on.
 
         Args:
             dataset: Graphs with truth, with the feature columns that the model was trained on.
             model: The edge model. It is put into evaluation mode, and left as it was.
-            objectness: The objectness head, if there is one.
-            device: Where the networks are.
+            objectness: The objectness head, if there is one; on the same device.
             progress: Show a progress bar.
 
         Returns:
@@ -137,22 +140,27 @@ class Evaluator:
         for module in modules:
             module.eval()
         try:
-            for data in tqdm(dataset, "evaluating", unit="frame", disable=not progress):
-                classification = classify(model, objectness, data.to(device))
-                segments = partition_graph(data, classification, self.partition, self.rule)
-                scored.append(self.score(data.cpu(), segments, dataset.category_names))
+            with torch_threads(1):
+                for data in tqdm(dataset, "evaluating", unit="frame", disable=not progress):
+                    classification = classify(model, objectness, data)
+                    segments = partition_graph(data, classification, self.partition, self.rule)
+                    unaided = objectness is not None
+                    scored.append(self.score(data, segments, dataset.category_names, unaided=unaided))
         finally:
             for module, mode in zip(modules, modes, strict=True):
                 module.train(mode)
-        return _evaluation(scored, dataset, with_unaided=objectness is not None)
+        return _evaluation(scored, dataset)
 
-    def score(self, data: Data, segments: Segments, category_names: Iterable[str] = ()) -> GraphScores:
+    def score(
+        self, data: Data, segments: Segments, category_names: Iterable[str] = (), *, unaided: bool = True
+    ) -> GraphScores:
         """Score the partition of one graph.
 
         Args:
             data: A graph with truth.
             segments: Its partition.
             category_names: The dataset's categories.
+            unaided: Whether an objectness head has decided on `segments.is_object`, and is to be judged too.
 
         Returns:
             The scores.
@@ -194,15 +202,19 @@ class Evaluator:
                 edges=edge_scores(merged, data.edge_label.numpy()),
                 name=data.name,
             ),
-            unaided=score_frame(
-                table, np.nonzero(segments.is_object)[0], prediction=prediction, truth=truth, name=data.name
+            unaided=(
+                score_frame(
+                    table, np.nonzero(segments.is_object)[0], prediction=prediction, truth=truth, name=data.name
+                )
+                if unaided
+                else None
             ),
             by_category=category_scores(table, category, prediction, truth),
             oracle_by_category=category_scores(oracle, category, oracle_prediction, truth),
         )
 
 
-def _evaluation(scored: Sequence[GraphScores], dataset: SuperpixelGraphDataset, with_unaided: bool) -> Evaluation:
+def _evaluation(scored: Sequence[GraphScores], dataset: SuperpixelGraphDataset) -> Evaluation:
     scores: dict[str, float] = {}
 
     def add(protocol: str, names: Mapping[str, str], means: Mapping[str, float], prefix: str = "") -> None:
@@ -217,8 +229,8 @@ def _evaluation(scored: Sequence[GraphScores], dataset: SuperpixelGraphDataset, 
     add("edges", EDGE_NAMES, means)
     add("regions", REGION_NAMES, means)
     frames = frame_table([frame.all for frame in scored])
-    if with_unaided:
-        own = [frame.unaided for frame in scored]
+    own = [frame.unaided for frame in scored if frame.unaided is not None]
+    if own:
         add("unaided", SHORT_NAMES, summarize(own))
         table = frame_table(own)
         frames = frames.join(table[[name for name in SHORT_NAMES if name in table]].add_prefix("unaided_"))
@@ -230,6 +242,34 @@ def _evaluation(scored: Sequence[GraphScores], dataset: SuperpixelGraphDataset, 
             for group, row in seen_and_unseen(by_category, dataset.seen).iterrows():
                 add(prefix + GROUPS[str(group)], SHORT_NAMES, {str(name): float(value) for name, value in row.items()})
     return Evaluation(scores, frames, category_table([frame.by_category for frame in scored]))
+
+
+def with_truth(dataset: SuperpixelGraphDataset, on_error: str = "skip") -> SuperpixelGraphDataset:
+    """Return the graphs whose frames have ground truth: the others can neither be learned from nor scored.
+
+    Args:
+        dataset: Prepared graphs.
+        on_error: What to do if some have no truth: `skip` leaves them out and names them, `fail` raises.
+
+    Returns:
+        The dataset, or a part of it.
+
+    Raises:
+        EvaluationError: If none has truth, or one has not and `on_error` is `fail`.
+    """
+    labelled = dataset.labelled()
+    missing = sorted(set(dataset.names) - set(labelled.names))
+    if not missing:
+        return dataset
+    named = ", ".join(missing[:NAMED]) + (f" and {len(missing) - NAMED} more" if len(missing) > NAMED else "")
+    told = f"{len(missing)} of {len(dataset)} frames of {dataset.split} have no ground truth: {named}"
+    if on_error == "fail" or len(labelled) == 0:
+        raise EvaluationError(
+            f"{told}. Give label images (dataset=folder: NAME_labels.png), or use python -m sgbd.predict, which needs "
+            "none."
+        )
+    log.warning("left out: %s", told)
+    return labelled
 
 
 def score_table(scores: dict[str, float]) -> pd.DataFrame:

@@ -10,21 +10,20 @@ from typing import Any
 
 from hydra.utils import instantiate
 from lightning_fabric import seed_everything
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from sgbd.batches import FIELDS
-from sgbd.checkpoint import Checkpoint
 from sgbd.configuration import ConfigurationError, count_workers
 from sgbd.data import SuperpixelGraphDataset
-from sgbd.evaluation import Evaluation, Evaluator
-from sgbd.features import EDGE_GROUPS, NODE_GROUPS
+from sgbd.evaluation import Evaluation, Evaluator, with_truth
+from sgbd.features import edge_columns, node_columns
 from sgbd.models import EdgeClassifier, ObjectnessHead
-from sgbd.pipeline import frame_source, prepare_splits
+from sgbd.pipeline import frame_source, prepare_splits, splits_of
 from sgbd.plot import curves_figure
-from sgbd.recipe import describe
 from sgbd.results import draw_examples, example_frames, write_evaluation, write_figure
 from sgbd.segmenter import Segmenter
 from sgbd.training import Trainer, TrainingResult
+from sgbd.untrained import trusted_packages, untrained_checkpoint
 
 log = logging.getLogger(__name__)
 
@@ -61,25 +60,26 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
         ConfigurationError: If the dataset has no training split.
     """
     workers = count_workers(config.workers)
-    splits = frame_source(config.dataset, workers).splits
+    _check(config)
+    splits = splits_of(frame_source(config.dataset, workers))
     if "train" not in splits:
+        # A folder that is not there says so itself.
+        len(frame_source(config.dataset, workers, splits[0]))
         raise ConfigurationError(
             f"the dataset has no training frames, only {', '.join(splits)}. Choose another dataset, or score a trained "
             "model on this one: python -m sgbd.evaluate"
         )
+    # Before the frames are prepared: an impossible model is better known at once.
+    seed_everything(config.seed, verbose=False)
+    initial = untrained_checkpoint(config)
+    model, objectness, features = initial.model, initial.objectness, initial.recipe["features"]
     cache = prepare_splits(config, splits)
-    features = {"node": _groups(config.features.node, NODE_GROUPS), "edge": _groups(config.features.edge, EDGE_GROUPS)}
 
     def graphs(split: str, fields: Collection[str] | None = None) -> SuperpixelGraphDataset:
-        return SuperpixelGraphDataset(cache, split, features["node"], features["edge"], config.in_memory, fields)
+        dataset = SuperpixelGraphDataset(cache, split, features["node"], features["edge"], config.in_memory, fields)
+        return with_truth(dataset, config.on_error)
 
     training = graphs("train", ("name", *FIELDS))
-    seed_everything(config.seed, verbose=False)
-    channels = {"node_channels": training.node_channels, "edge_channels": training.edge_channels}
-    model: EdgeClassifier = instantiate(config.model, **channels)
-    objectness: ObjectnessHead | None = None
-    if config.objectness is not None:
-        objectness = instantiate(config.objectness, node_channels=training.node_channels)
     partition, rule = instantiate(config.partition), instantiate(config.objects)
     trainer: Trainer = instantiate(config.trainer)
 
@@ -89,21 +89,18 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
     else:
         log.warning("the dataset has no validation frames: the last epoch's weights are kept")
 
+    # Before the training: a dataset that cannot be scored is told of now.
+    testing = graphs("test") if "test" in splits else None
+    if testing is None:
+        log.warning("the dataset has no test frames: nothing will be evaluated")
+
     trained = trainer.train(
         model,
         training,
         sampler=instantiate(config.sampler),
         folder=folder,
         recipe={
-            "superpixels": describe(instantiate(config.superpixels), "superpixels"),
-            "graph": describe(instantiate(config.graph), "graph"),
-            "features": features,
-            "model": {**_plain(config.model), **channels},
-            "objectness": (
-                None if objectness is None else {**_plain(config.objectness), "node_channels": training.node_channels}
-            ),
-            "partition": _plain(config.partition),
-            "objects": _plain(config.objects),
+            **initial.recipe,
             "dataset": training.recipe["dataset"],
             "seed": config.seed,
             "versions": {package: version(package) for package in ("sgbd", "torch", "torch-geometric")},
@@ -119,18 +116,36 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
         "best_epoch": trained.best_epoch,
         "validation_score": trained.best_score,
     }
-    if "test" not in splits:
-        log.warning("the dataset has no test frames: nothing is evaluated")
+    if testing is None:
         return {**outcome, "scores": {}}
-    evaluation = _test(config, graphs("test"), trained, folder, workers)
+    evaluation = _test(config, testing, trained, folder, workers)
     return {**outcome, "scores": evaluation.scores}
+
+
+def _check(config: DictConfig) -> None:
+    """Find what cannot be trained before hours may go into frames and graphs."""
+    if not isinstance(config.seed, int) or config.seed < 0:
+        raise ConfigurationError(f"seed must be an integer of at least 0; got {config.seed!r}")
+    if not isinstance(config.pictures, int) or config.pictures < 0:
+        raise ConfigurationError(f"pictures must be an integer of at least 0; got {config.pictures!r}")
+    for key, columns in (("node", node_columns), ("edge", edge_columns)):
+        groups = config.features[key]
+        if isinstance(groups, str):
+            raise ConfigurationError(f"features.{key} must be a list of groups: features.{key}=[{groups}]")
+        columns(groups)
+    # The models need to know the graphs; that their classes exist can be seen now.
+    for group in (config.model, config.objectness):
+        if group is not None:
+            instantiate({"_target_": group._target_, "_partial_": True})
+    for group in (config.partition, config.objects, config.trainer, config.sampler, config.superpixels, config.graph):
+        instantiate(group)
 
 
 def _test(
     config: DictConfig, dataset: SuperpixelGraphDataset, trained: TrainingResult, folder: Path, workers: int
 ) -> Evaluation:
     """Score the best epoch's checkpoint, as read from its file, on the test frames."""
-    segmenter = Segmenter(Checkpoint.load(trained.checkpoint, trust=_packages(config)), trust=_packages(config))
+    segmenter = Segmenter.load(trained.checkpoint, trust=trusted_packages(config))
     evaluate = Evaluator(segmenter.partition, segmenter.rule)
     evaluation = evaluate(dataset, segmenter.model, segmenter.objectness, progress=True)
     write_evaluation(evaluation, folder)
@@ -146,20 +161,3 @@ def _draw_curves(trained: TrainingResult, folder: Path) -> None:
         name: list(zip(history["epoch"], history[name], strict=True)) for name in shown if name in history.columns
     }
     write_figure(curves_figure(curves, f"best epoch {trained.best_epoch}"), folder / "curves.png")
-
-
-def _groups(chosen: Collection[str] | None, table: Mapping[str, Any]) -> list[str]:
-    """Spell out which groups null stands for, so that a checkpoint keeps its meaning when groups are added."""
-    return list(table if chosen is None else chosen)
-
-
-def _plain(config: DictConfig) -> dict[str, Any]:
-    values = OmegaConf.to_container(config, resolve=True)
-    assert isinstance(values, dict)
-    return {str(key): value for key, value in values.items()}
-
-
-def _packages(config: DictConfig) -> tuple[str, ...]:
-    """Packages whose classes the configuration names: whoever wrote it trusts them."""
-    groups = (config.superpixels, config.graph, config.model, config.objectness, config.partition)
-    return tuple({group._target_.partition(".")[0] for group in groups if group is not None})

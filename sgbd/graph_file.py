@@ -125,16 +125,22 @@ def read_summary(path: Path) -> GraphSummary:
         GraphFileError: If the file is missing, damaged (also if it is shorter than it should be) or of another format
             version.
     """
-    try:
-        with path.open("rb") as file:
-            size = os.fstat(file.fileno()).st_size
-            start = file.read(8)
-            content = start + file.read(min(int.from_bytes(start, "little"), size))
-    except OSError as error:
-        raise _unreadable(path, error) from error
-    header = _parse_header(path, content, size)
+    header, size = _read_header(path)
     try:
         return GraphSummary(**header["summary"], bytes=size)
+    except (LookupError, TypeError) as error:
+        raise _damaged(path, error) from error
+
+
+def stored_fields(path: Path) -> frozenset[str]:
+    """Read which fields the graph of a file has, without its tensors.
+
+    Raises:
+        GraphFileError: As of `read_summary`.
+    """
+    header, _ = _read_header(path)
+    try:
+        return frozenset(header["fields"])
     except (LookupError, TypeError) as error:
         raise _damaged(path, error) from error
 
@@ -160,6 +166,17 @@ def _unreadable(path: Path, error: OSError) -> GraphFileError:
     if isinstance(error, FileNotFoundError):
         return GraphFileError(f"{path} is missing: run the preparation again, which makes what is not there")
     return GraphFileError(f"{path} cannot be read: {error.strerror or error}")
+
+
+def _read_header(path: Path) -> tuple[dict[str, Any], int]:
+    try:
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            start = file.read(8)
+            content = start + file.read(min(int.from_bytes(start, "little"), size))
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    return _parse_header(path, content, size), size
 
 
 def _parse_header(path: Path, content: bytes, size: int) -> dict[str, Any]:
@@ -242,8 +259,10 @@ def _decode(header: Mapping[str, Any], stored: Mapping[str, Tensor], wanted: Col
         if mirrored and key == "edge_index":
             tensor = torch.cat([tensor, tensor.flip(0)], dim=1)
         elif mirrored and key == "edge_attr":
+            # Each part is as narrow as its own values allow.
+            tensor = tensor.to(torch.float32)
             backward = tensor.clone()
-            backward[:, stored[_REVERSED_COLUMNS].long()] = stored["edge_attr.reversed"]
+            backward[:, stored[_REVERSED_COLUMNS].long()] = stored["edge_attr.reversed"].to(torch.float32)
             tensor = torch.cat([tensor, backward])
         # A copy where nothing changes type: fields must not share memory.
         values[key] = tensor.to(getattr(torch, entry["dtype"]), copy=key == "edge_label_index")

@@ -19,7 +19,7 @@ def frame_source(dataset: DictConfig, workers: int, split: str | None = None) ->
 
     Args:
         dataset: What to instantiate.
-        workers: Processes for generating.
+        workers: Processes for generating; 0 for this one alone.
         split: Which split; None for the dataset's own default.
 
     Returns:
@@ -29,8 +29,13 @@ def frame_source(dataset: DictConfig, workers: int, split: str | None = None) ->
     source: FrameSource = instantiate(dataset, **options)
     generate = getattr(source, "generate", None)
     if generate is not None:
-        generate(workers=max(workers, 1))
+        generate(workers=workers)
     return source
+
+
+def splits_of(source: FrameSource) -> tuple[str, ...]:
+    """Return the splits of a dataset; its own if it has none, so that reading that one says what is missing."""
+    return source.splits or (source.split,)
 
 
 def prepare_splits(config: DictConfig, splits: Sequence[str]) -> Path:

@@ -6,11 +6,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from skimage.segmentation import find_boundaries
 
 from sgbd.frame import SUPPORT, Frame
@@ -18,16 +20,13 @@ from sgbd.overlay import overlay
 from sgbd.segmentation import Segmentation
 
 
-def segmentation_figure(
-    frame: Frame, segmentation: Segmentation, title: str = "", truth_caption: str = "truth"
-) -> Figure:
+def segmentation_figure(frame: Frame, segmentation: Segmentation, title: str = "") -> Figure:
     """Draw a frame and everything the program made of it.
 
     Args:
         frame: The frame; its truth is drawn if it has any.
         segmentation: Its segmentation.
         title: Written above.
-        truth_caption: Written above the truth.
 
     Returns:
         A figure of six panels: colours, depth, superpixels, edges coloured by merge probability, prediction, truth.
@@ -51,7 +50,7 @@ def segmentation_figure(
     panels[4].set_title(f"prediction: {len(segmentation.scores)} objects")
     if frame.instances is not None:
         panels[5].imshow(overlay(frame.rgb, frame.instances, first=SUPPORT + 1))
-        panels[5].set_title(f"{truth_caption}: {len(np.unique(frame.instances[frame.instances > SUPPORT]))} objects")
+        panels[5].set_title(f"truth: {len(np.unique(frame.instances[frame.instances > SUPPORT]))} objects")
     for panel in panels:
         panel.set_axis_off()
     figure.suptitle(title or frame.name)
@@ -64,7 +63,7 @@ def _with_boundaries(rgb: npt.NDArray[np.uint8], label_map: npt.NDArray[np.int32
     return picture
 
 
-def _draw_edges(panel, frame: Frame, segmentation: Segmentation) -> None:  # type: ignore[no-untyped-def]
+def _draw_edges(panel: Axes, frame: Frame, segmentation: Segmentation) -> None:
     flat = segmentation.superpixels.ravel()
     rows, columns = np.divmod(np.arange(flat.size), frame.width)
     count = np.bincount(flat)
@@ -95,6 +94,7 @@ def curves_figure(curves: Mapping[str, Sequence[tuple[float, float]]], title: st
         panel.plot(epochs, values, marker="o", markersize=3, label=name)
     for panel, label in ((left, "loss"), (right, "score")):
         panel.set_xlabel("epoch")
+        panel.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
         panel.set_ylabel(label)
         panel.grid(alpha=0.3)
         if panel.get_lines():

@@ -10,12 +10,13 @@ from omegaconf import DictConfig
 from tqdm import tqdm
 from tqdm.contrib.logging import logging_redirect_tqdm
 
+from sgbd.checkpoint import find_checkpoint
 from sgbd.configuration import ConfigurationError, entry_point, output_folder
-from sgbd.frame import FrameError, Intrinsics
+from sgbd.frame import FrameError
 from sgbd.prediction import RecordedFrames, write_segmentation
-from sgbd.results import find_checkpoint
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameReadError
+from sgbd.sources.camera import intrinsics_from
 
 log = logging.getLogger(__name__)
 
@@ -30,8 +31,7 @@ def main(config: DictConfig) -> None:
         device=config.device,
         trust=tuple(config.trust),
     )
-    camera = None if config.intrinsics is None else Intrinsics(**config.intrinsics)
-    frames = RecordedFrames(config.rgb, config.depth, camera, config.depth_scale)
+    frames = RecordedFrames(config.rgb, config.depth, intrinsics_from(config.intrinsics), config.depth_scale)
     folder = output_folder() if config.output is None else Path(config.output).expanduser()
     failed = 0
     with logging_redirect_tqdm():
@@ -47,7 +47,8 @@ def main(config: DictConfig) -> None:
             write_segmentation(frame, segmenter.segment_frame(frame), folder)
     if failed == len(frames):
         raise ConfigurationError(f"none of the {failed} frames could be read; the messages above say why")
-    print(f"Objects of {len(frames) - failed} frames: {folder}" + (f" ({failed} skipped)" if failed else ""))
+    done = len(frames) - failed
+    print(f"Objects of {done} frame{'s'[: done != 1]}: {folder}" + (f" ({failed} skipped)" if failed else ""))
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from typing import Any
 
 import imageio.v3 as iio
 import numpy as np
+from scipy.ndimage import find_objects
 
 from sgbd.atomic_file import write_whole
 from sgbd.frame import MILLIMETRES, Frame, Intrinsics
@@ -15,6 +16,12 @@ from sgbd.overlay import overlay
 from sgbd.segmentation import Segmentation
 from sgbd.sources import Folder, FrameReadError, FrameSource
 from sgbd.sources.image import IMAGE_SUFFIXES, read_depth, read_rgb
+
+
+class _RecordedFolder(Folder):
+    """A folder with the files of all frames, which is not given as a dataset."""
+
+    remedy = "Give the folder of your frames as rgb, or rgb=<folder of colour images> depth=<folder of depth images>."
 
 
 class RecordedFrames(FrameSource):
@@ -30,7 +37,8 @@ class RecordedFrames(FrameSource):
         depth_scale: Metres of one unit of the depth images.
 
     Raises:
-        FrameReadError: If a path does not exist, only one of the two is a folder, or no frame is found.
+        FrameReadError: If a path does not exist, only one of the two is a folder, no frame is found, or one of two
+            folders holds two images of a frame.
     """
 
     def __init__(
@@ -54,15 +62,15 @@ class RecordedFrames(FrameSource):
         if self.depth is None:
             if not self.rgb.is_dir():
                 raise FrameReadError(self.rgb, "its depth is not known. Give depth=<file> too.")
-            source = Folder(self.rgb)
+            source = _RecordedFolder(self.rgb, intrinsics=self.intrinsics)
             return {name: (source.files(place)[0], source.files(place)[1]) for place, name in enumerate(source.names)}
         if self.rgb.is_dir() != self.depth.is_dir():
             raise FrameReadError(self.depth, "rgb and depth must both be files or both be folders.")
         if not self.rgb.is_dir():
             return {_frame_name(self.rgb): (self.rgb, self.depth)}
-        colours, depths = _images_by_name(self.rgb), _images_by_name(self.depth)
+        colors, depths = _images_by_name(self.rgb), _images_by_name(self.depth)
         # A frame without depth stays in the list: reading it reports what is missing.
-        files = {name: (path, depths.get(name, self.depth / f"{name}.png")) for name, path in colours.items()}
+        files = {name: (path, depths.get(name, self.depth / f"{name}.png")) for name, path in colors.items()}
         if not files:
             raise FrameReadError(self.rgb, f"there is no image in it ({', '.join(IMAGE_SUFFIXES)}).")
         return files
@@ -108,7 +116,18 @@ def _frame_name(path: Path) -> str:
 
 
 def _images_by_name(folder: Path) -> dict[str, Path]:
-    return {_frame_name(path): path for path in sorted(folder.iterdir()) if path.suffix.lower() in IMAGE_SUFFIXES}
+    images: dict[str, Path] = {}
+    for path in sorted(folder.iterdir()):
+        if path.suffix.lower() in IMAGE_SUFFIXES:
+            name = _frame_name(path)
+            if name in images:
+                raise FrameReadError(
+                    path,
+                    f"frame {name!r} has two images, this one and {images[name].name}. A folder that holds colour and "
+                    "depth images is given as rgb alone.",
+                )
+            images[name] = path
+    return images
 
 
 def objects_as_json(segmentation: Segmentation) -> list[dict[str, Any]]:
@@ -121,24 +140,21 @@ def objects_as_json(segmentation: Segmentation) -> list[dict[str, Any]]:
         For each object, the largest score first: `id` in the label image; `area` in pixels; `box` as [left, top,
         width, height] in pixels; `score` and `objectness` from 0 to 1.
     """
-    instances = segmentation.instances
-    objects = []
-    for number, (score, objectness) in enumerate(
-        zip(segmentation.scores.tolist(), segmentation.objectness.tolist(), strict=True), start=1
-    ):
-        mask = instances == number
-        rows, columns = np.nonzero(mask.any(1))[0], np.nonzero(mask.any(0))[0]
-        box = [columns[0], rows[0], columns[-1] - columns[0] + 1, rows[-1] - rows[0] + 1]
-        objects.append(
-            {
-                "id": number,
-                "area": int(mask.sum()),
-                "box": [int(value) for value in box],
-                "score": round(score, 4),
-                "objectness": round(objectness, 4),
-            }
+    areas = np.bincount(segmentation.instances.ravel(), minlength=len(segmentation.scores) + 1)
+    # One pass over the image for the boxes of all objects.
+    boxes = find_objects(segmentation.instances)
+    return [
+        {
+            "id": number,
+            "area": int(areas[number]),
+            "box": [columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start],
+            "score": round(score, 4),
+            "objectness": round(objectness, 4),
+        }
+        for number, (score, objectness, (rows, columns)) in enumerate(
+            zip(segmentation.scores.tolist(), segmentation.objectness.tolist(), boxes, strict=True), start=1
         )
-    return objects
+    ]
 
 
 def write_segmentation(frame: Frame, segmentation: Segmentation, folder: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from omegaconf import DictConfig
 
 from sgbd.configuration import count_workers, entry_point
-from sgbd.pipeline import frame_source, prepare_splits
+from sgbd.pipeline import frame_source, prepare_splits, splits_of
 
 
 @entry_point("prepare")
@@ -13,8 +13,7 @@ def main(config: DictConfig) -> None:
     """Prepare the splits of a dataset and print how to load them."""
     workers = count_workers(config.workers)
     source = frame_source(config.dataset, workers)
-    # Without any split the source says what it misses when its own is read.
-    splits = config.splits or source.splits or (source.split,)
+    splits = config.splits or splits_of(source)
     folder = prepare_splits(config, splits)
     print(f"\nPrepared {', '.join(splits)} in {folder}. To load them:\n")
     print("from sgbd.data import SuperpixelGraphDataset")

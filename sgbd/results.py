@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import io
 import json
-import logging
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,42 +11,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sgbd.atomic_file import write_whole
-from sgbd.checkpoint import CheckpointError
 from sgbd.evaluation import Evaluation, score_table
 from sgbd.plot import segmentation_figure
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameSource
-from sgbd.training import CHECKPOINT_FILE
-
-log = logging.getLogger(__name__)
 
 PICTURE_DPI = 90
-
-
-def find_checkpoint(path: str | None, output_dir: str | Path) -> Path:
-    """Return the checkpoint that is meant.
-
-    Args:
-        path: A checkpoint file, or the folder of a training; None for the newest one below `output_dir`.
-        output_dir: Where trainings leave their folders.
-
-    Returns:
-        The file; whether it can be read shows when it is loaded.
-
-    Raises:
-        CheckpointError: If there is none below `output_dir`.
-    """
-    if path is not None:
-        given = Path(path).expanduser()
-        return given / CHECKPOINT_FILE if given.is_dir() else given
-    found = sorted(Path(output_dir).rglob(CHECKPOINT_FILE), key=lambda file: file.stat().st_mtime)
-    if not found:
-        raise CheckpointError(
-            f"there is no trained model in {output_dir}. Train one with python -m sgbd.train, or give "
-            "checkpoint=<file.safetensors>"
-        )
-    log.info("Using the newest checkpoint: %s", found[-1])
-    return found[-1]
 
 
 def write_evaluation(evaluation: Evaluation, folder: Path) -> None:
@@ -107,7 +77,9 @@ def draw_examples(
     for rank, name in enumerate(names):
         frame = source[index[name]]
         row = evaluation.frames.loc[name]
-        title = f"{name}: overlap F {100 * row['overlap_f_measure']:.1f}"
+        title = f"{name}: overlap F {100 * row['overlap_f_measure']:.1f} of the merging alone"
+        if "unaided_overlap_f_measure" in row:
+            title += f", {100 * row['unaided_overlap_f_measure']:.1f} unaided, as drawn"
         if "oracle_overlap_f_measure" in row:
             title += f" (best partition of these superpixels {100 * row['oracle_overlap_f_measure']:.1f})"
         figure = segmentation_figure(frame, segmenter.segment_frame(frame), title)
@@ -116,7 +88,8 @@ def draw_examples(
 
 
 def write_figure(figure: Figure, path: Path) -> Path:
-    """Write a figure as PNG; its folder is made if needed."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=PICTURE_DPI)
+    """Write a figure as PNG, whole or not at all; its folder is made if needed."""
+    picture = io.BytesIO()
+    figure.savefig(picture, format="png", dpi=PICTURE_DPI)
+    write_whole(path, picture.getvalue())
     return path

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
@@ -28,12 +30,12 @@ class Classification:
 
 @torch.inference_mode()
 def classify(model: nn.Module, objectness: nn.Module | None, data: Data) -> Classification:
-    """Run the networks on one graph.
+    """Run the networks on one graph, on the device that they are on.
 
     Args:
         model: An edge classifier in evaluation mode.
-        objectness: An objectness head in evaluation mode, or None.
-        data: One graph, on the networks' device.
+        objectness: An objectness head in evaluation mode, or None; on the same device.
+        data: One graph, on any device; it stays there.
 
     Returns:
         Probabilities of all its edges and superpixels.
@@ -42,7 +44,15 @@ def classify(model: nn.Module, objectness: nn.Module | None, data: Data) -> Clas
     def probability(logits: Tensor) -> npt.NDArray[np.float32]:
         return torch.sigmoid(logits).float().cpu().numpy()
 
-    return Classification(probability(model(data)), None if objectness is None else probability(objectness(data)))
+    # A copy of the container: PyG moves a graph in place.
+    moved = copy.copy(data).to(_device_of(model))
+    return Classification(probability(model(moved)), None if objectness is None else probability(objectness(moved)))
+
+
+def _device_of(model: nn.Module) -> torch.device:
+    """Return where a model's weights lie; the CPU for one without any."""
+    weight = next(chain(model.parameters(), model.buffers()), None)
+    return torch.device("cpu") if weight is None else weight.device
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 import torch
 from torch_geometric.data import Data
 
+from sgbd.adjacency import LabelMap
 from sgbd.checkpoint import Checkpoint, instantiate
 from sgbd.features import edge_columns, node_columns
 from sgbd.frame import Frame, Intrinsics
@@ -17,6 +18,7 @@ from sgbd.graph import GraphBuilder
 from sgbd.partition import Partitioner
 from sgbd.segmentation import ObjectRule, Segmentation, classify, paint, partition_graph
 from sgbd.superpixels import Superpixels
+from sgbd.torch_threads import torch_threads
 
 
 class Segmenter:
@@ -34,10 +36,12 @@ class Segmenter:
         partition: Takes the place of the recipe's partitioner.
         rule: Takes the place of the recipe's rule of what an object is.
         device: Where the networks run.
+        threads: CPU threads of the networks; see `sgbd.torch_threads`.
         trust: Names of packages beside `sgbd` whose classes the recipe may name.
 
     Raises:
         sgbd.checkpoint.CheckpointError: If the recipe cannot be followed.
+        ValueError: If this machine, or this build of PyTorch, has no such device.
     """
 
     def __init__(
@@ -47,11 +51,13 @@ class Segmenter:
         partition: Partitioner | None = None,
         rule: ObjectRule | None = None,
         device: torch.device | str = "cpu",
+        threads: int = 1,
         trust: Sequence[str] = (),
     ) -> None:
         recipe = checkpoint.recipe
         self.recipe = recipe
-        self.device = torch.device(device)
+        self.device = _usable_device(device)
+        self.threads = threads
         self.superpixels: Superpixels = instantiate(recipe.get("superpixels"), object, trust)  # type: ignore[assignment]
         self.graph: GraphBuilder = instantiate(recipe.get("graph"), object, trust)  # type: ignore[assignment]
         self.partition: Partitioner = (
@@ -72,6 +78,7 @@ class Segmenter:
         partition: Partitioner | None = None,
         rule: ObjectRule | None = None,
         device: torch.device | str = "cpu",
+        threads: int = 1,
         trust: Sequence[str] = (),
     ) -> Segmenter:
         """Read a checkpoint; arguments as of the class.
@@ -80,7 +87,7 @@ class Segmenter:
             sgbd.checkpoint.CheckpointError: If the file is missing, damaged or no checkpoint.
         """
         checkpoint = Checkpoint.load(path, trust)
-        return cls(checkpoint, partition=partition, rule=rule, device=device, trust=trust)
+        return cls(checkpoint, partition=partition, rule=rule, device=device, threads=threads, trust=trust)
 
     def segment(self, rgb: npt.ArrayLike, depth: npt.ArrayLike, intrinsics: Intrinsics | None = None) -> Segmentation:
         """Segment one frame.
@@ -103,12 +110,34 @@ class Segmenter:
         if frame.instances is not None:
             frame = replace(frame, instances=None)
         label_map = self.superpixels(frame)
-        data = self._select(self.graph(frame, label_map, store_maps=False))
-        classification = classify(self.model, self.objectness, data.to(self.device))
+        data = self.build_graph(frame, label_map)
+        with torch_threads(self.threads):
+            classification = classify(self.model, self.objectness, data)
         segments = partition_graph(data, classification, self.partition, self.rule)
         return paint(label_map, data, classification, segments)
 
-    def _select(self, data: Data) -> Data:
+    def build_graph(self, frame: Frame, label_map: LabelMap) -> Data:
+        """Build the graph of a frame with the feature columns that the model was trained on.
+
+        Args:
+            frame: The frame.
+            label_map: int32 [H, W], its superpixels.
+
+        Returns:
+            The graph, as `sgbd.graph.build_graph` describes it, without the packed maps.
+        """
+        data = self.graph(frame, label_map, store_maps=False)
         data.x = data.x[:, self._node_columns]
         data.edge_attr = data.edge_attr[:, self._edge_columns]
         return data
+
+
+def _usable_device(device: torch.device | str) -> torch.device:
+    try:
+        chosen = torch.device(device)
+        torch.empty(0, device=chosen)
+    # A build without CUDA fails with an assertion, a machine without a GPU or an unknown name with a runtime error.
+    except (RuntimeError, AssertionError, NotImplementedError) as error:
+        reason = str(error).splitlines()[0]
+        raise ValueError(f"device {device!s} cannot be used here: {reason}. Without a GPU, use device=cpu.") from error
+    return chosen

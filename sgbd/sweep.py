@@ -1,140 +1,37 @@
-"""Sweeps of many jobs: finished jobs are not repeated, nothing is overwritten, and a table of all stands at the end."""
+"""A sweep of many jobs: a table and a plot of all of them, however they ended."""
 
 from __future__ import annotations
 
-import contextlib
 import fnmatch
-import hashlib
 import io
-import json
 import logging
 import math
 import os
-import re
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-from filelock import FileLock, Timeout
+from filelock import FileLock
 from hydra.core.utils import JobReturn, JobStatus
 from hydra.experimental.callback import Callback
 from hydra.types import TaskFunction
-from omegaconf import DictConfig, OmegaConf, open_dict
+from omegaconf import DictConfig, OmegaConf
 
+from sgbd import __version__
 from sgbd.atomic_file import write_whole
-from sgbd.configuration import ConfigurationError, ExpectedError
+from sgbd.configuration import ExpectedError
+from sgbd.job import IMMATERIAL, LOCK_FILE, PLACES, RESULT_FILE, digest, move_aside, read_json, write_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 log = logging.getLogger(__name__)
 
-RESULT_FILE = "result.json"
-JOB_FILE = "job.json"
-LOCK_FILE = ".job.lock"
 RECORDS_FOLDER = ".jobs"
-ASIDE = "earlier-"
-
-PLACES = ("data_dir", "cache_dir", "output_dir")
-"""Keys that say where files lie; whatever they are, the result is the same."""
-IMMATERIAL = ("name", "workers", "logger", "in_memory", "pictures")
-"""Keys that don't change the result either."""
-
-IMMATERIAL_IN_TRAINER = ("num_workers", "log_every", "progress")
 
 PER_CENT = 100
 """Scores are shares; tables and figures for people show per cent."""
-
-LONGEST_NAME = 150
-"""Characters of a job's folder name; file systems end at 255 bytes."""
-
-
-def config_hash(config: DictConfig) -> str:
-    """Return a digest of everything in a job's configuration that its result depends on, and of the package's version.
-
-    Args:
-        config: A job's configuration, without the node `hydra`.
-
-    Returns:
-        64 hexadecimal digits.
-    """
-    material = config.copy()
-    with open_dict(material):
-        for key in IMMATERIAL:
-            material.pop(key, None)
-        for key in IMMATERIAL_IN_TRAINER:
-            if isinstance(material.get("trainer"), DictConfig):
-                material.trainer.pop(key, None)
-        for key in PLACES:
-            if key in material:
-                # Not removed: other values are interpolated from these, and move with them.
-                material[key] = f"<{key}>"
-    values = OmegaConf.to_container(material, resolve=True, enum_to_str=True)
-    return _digest([_package_version(), values])
-
-
-def job_folder(override_dirname: str) -> str:
-    """Return a folder name for a job of a sweep, from the overrides that set it apart.
-
-    Args:
-        override_dirname: Hydra's `hydra.job.override_dirname`, such as `features=rgb,model=mlp`.
-
-    Returns:
-        One path component: separators become `_`, and names too long for a file system end in a digest. `base` if
-        there are no overrides.
-    """
-    name = re.sub(r"[/\\:\s]+", "_", override_dirname).lstrip(".") or "base"
-    if len(name) > LONGEST_NAME:
-        name = f"{name[: LONGEST_NAME - 11]}-{_digest(override_dirname)[:10]}"
-    return name
-
-
-OmegaConf.register_new_resolver("job_folder", job_folder, replace=True)
-
-
-def run_once(folder: Path, config: DictConfig, job: Callable[[DictConfig, Path], Mapping[str, Any]]) -> dict[str, Any]:
-    """Run a job in its folder, or return its result if it has finished there before with the same configuration.
-
-    - A job that was interrupted finds its own files in the folder and may go on from them.
-    - Files of a job with another configuration are first moved to the subfolder `earlier-1`, `earlier-2`, …
-    - Of two processes with the same folder the second waits, and then finds the first one's result.
-
-    `result.json` is written last, and at once.
-
-    Args:
-        folder: The job's own folder; made if needed.
-        config: The job's configuration. A copy is written to `config.yaml`.
-        job: What to do: a function of the configuration and the folder. It returns values that JSON can hold, with
-            shares from 0 to 1 under the key `scores`.
-
-    Returns:
-        What the job returned, with `config_hash` and `seconds`.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    with _claimed(folder):
-        identity = config_hash(config)
-        previous = _read_json(folder / JOB_FILE)
-        if previous is not None and previous["config_hash"] != identity:
-            _move_aside(folder, keep=previous["found"])
-            previous = None
-        result = _read_json(folder / RESULT_FILE) if previous is not None else None
-        if result is not None:
-            log.info("This job has finished before with the same configuration: %s", folder / RESULT_FILE)
-            return result
-        if previous is None:
-            found = sorted(path.name for path in folder.iterdir() if path.name != LOCK_FILE)
-            _write_json(folder / JOB_FILE, {"config_hash": identity, "found": found})
-        else:
-            log.info("Going on with the interrupted job in %s", folder)
-        OmegaConf.save(config, folder / "config.yaml")
-        started = time.perf_counter()
-        result = {"config_hash": identity, **job(config, folder)}
-        result["seconds"] = time.perf_counter() - started
-        _write_json(folder / RESULT_FILE, result)
-        return result
 
 
 class SweepTable(Callback):
@@ -173,14 +70,17 @@ class SweepTable(Callback):
             values.pop(key, None)
         params = OmegaConf.select(settings, "sweeper.params")
         swept = [f"{key}={value}" for key, value in (params or {}).items()]
-        self.sweep = _digest([_package_version(), values, swept, list(settings.overrides.task)])[:12]
+        material = [
+            override for override in settings.overrides.task if _split_override(override)[0] not in self.immaterial
+        ]
+        self.sweep = digest([__version__, values, swept, material])[:12]
         folder = Path(settings.sweep.dir)
         folder.mkdir(parents=True, exist_ok=True)
         with FileLock(folder / LOCK_FILE):
-            known = _read_json(folder / RECORDS_FOLDER / "sweep.json")
+            known = read_json(folder / RECORDS_FOLDER / "sweep.json")
             if known is not None and known["sweep"] != self.sweep:
-                _move_aside(folder, only=("table.csv", "table.md", "table.png", RECORDS_FOLDER))
-            _write_json(folder / RECORDS_FOLDER / "sweep.json", {"sweep": self.sweep})
+                move_aside(folder, only=("table.csv", "table.md", "table.png", RECORDS_FOLDER))
+            write_json(folder / RECORDS_FOLDER / "sweep.json", {"sweep": self.sweep})
 
     def on_job_start(self, config: DictConfig, *, task_function: TaskFunction, **kwargs: Any) -> None:
         """Note that a job of the sweep has begun."""
@@ -219,7 +119,7 @@ class SweepTable(Callback):
             "state": state,
             "error": error,
         }
-        _write_json(Path(settings.sweep.dir) / RECORDS_FOLDER / f"{settings.job.num:05d}.json", record)
+        write_json(Path(settings.sweep.dir) / RECORDS_FOLDER / f"{settings.job.num:05d}.json", record)
 
 
 def read_jobs(folder: Path) -> pd.DataFrame:
@@ -232,7 +132,7 @@ def read_jobs(folder: Path) -> pd.DataFrame:
         A row each job in the sweep's order, with the columns `job` (its number), one for each override, `seed`, `state`
         (finished, failed or unfinished), one for each score (NaN where there is none), `seconds`, `error`, `folder`.
     """
-    records = [_read_json(path) for path in sorted((folder / RECORDS_FOLDER).glob("[0-9]*.json"))]
+    records = [read_json(path) for path in sorted((folder / RECORDS_FOLDER).glob("[0-9]*.json"))]
     rows: list[dict[str, Any]] = []
     scores: dict[str, None] = {}
     overrides: dict[str, None] = {}
@@ -242,7 +142,7 @@ def read_jobs(folder: Path) -> pd.DataFrame:
         row = {"job": record["number"], **record["overrides"], "seed": str(record["seed"]), "state": record["state"]}
         overrides.update(dict.fromkeys(record["overrides"]))
         if record["state"] == "finished":
-            result = _read_json(folder / record["folder"] / RESULT_FILE) or {}
+            result = read_json(folder / record["folder"] / RESULT_FILE) or {}
             values = {
                 key: math.nan if value is None else float(value) for key, value in result.get("scores", {}).items()
             }
@@ -255,7 +155,7 @@ def read_jobs(folder: Path) -> pd.DataFrame:
     return table
 
 
-def summarise(jobs: pd.DataFrame) -> pd.DataFrame:
+def summarize(jobs: pd.DataFrame) -> pd.DataFrame:
     """Average the repetitions of a sweep's jobs over their seeds.
 
     Args:
@@ -296,7 +196,7 @@ def write_table(
         seed: What the repetitions differ in.
     """
     write_whole(folder / "table.csv", jobs.to_csv(index=False).encode())
-    summary = summarise(jobs)
+    summary = summarize(jobs)
     write_whole(folder / "table.md", markdown(jobs, summary, columns, seed).encode())
     drawn = [score for score in plot if score in summary]
     if drawn and summary["finished"].any():
@@ -343,7 +243,7 @@ def draw(summary: pd.DataFrame, scores: Sequence[str]) -> Figure:
     one below the other. Rows without a finished job are named and left empty.
 
     Args:
-        summary: As `summarise` returns it.
+        summary: As `summarize` returns it.
         scores: Which of its scores.
 
     Returns:
@@ -405,72 +305,3 @@ def _mean_and_deviation(mean: float, deviation: float, digits: int) -> str:
 def _split_override(override: str) -> tuple[str, str]:
     key, _, value = override.lstrip("+~").partition("=")
     return key, value
-
-
-@contextlib.contextmanager
-def _claimed(folder: Path) -> Iterator[None]:
-    lock = FileLock(folder / LOCK_FILE)
-    try:
-        lock.acquire(blocking=False)
-    except Timeout:
-        log.info("Another process is running the job in %s; waiting for it", folder)
-        lock.acquire()
-    try:
-        yield
-    finally:
-        lock.release()
-
-
-def _move_aside(folder: Path, keep: Sequence[str] = (), only: Sequence[str] | None = None) -> None:
-    """Move the contents of a folder to its next free subfolder `earlier-<n>`."""
-    names = sorted(path.name for path in folder.iterdir()) if only is None else list(only)
-    names = [
-        name
-        for name in names
-        if name not in keep and name != LOCK_FILE and not name.startswith(ASIDE) and (folder / name).exists()
-    ]
-    taken = [int(path.name[len(ASIDE) :]) for path in folder.glob(f"{ASIDE}*") if path.name[len(ASIDE) :].isdigit()]
-    target = folder / f"{ASIDE}{max(taken, default=0) + 1}"
-    target.mkdir()
-    for name in names:
-        (folder / name).rename(target / name)
-    log.info("%s holds the result of another configuration; moved to %s", folder, target)
-
-
-def _digest(value: Any) -> str:
-    return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()
-
-
-def _package_version() -> str:
-    try:
-        return version("sgbd")
-    except PackageNotFoundError:
-        return "source"
-
-
-def _read_json(path: Path) -> dict[str, Any] | None:
-    try:
-        value = json.loads(path.read_text())
-    except FileNotFoundError:
-        return None
-    except json.JSONDecodeError as error:
-        raise ConfigurationError(f"{path} is damaged ({error}); remove it and repeat the command") from None
-    assert isinstance(value, dict)
-    return value
-
-
-def _write_json(path: Path, value: Mapping[str, Any]) -> None:
-    write_whole(path, (json.dumps(_plain(value), indent=2, allow_nan=False) + "\n").encode())
-
-
-def _plain(value: Any) -> Any:
-    """Return a value of plain JSON types: NumPy numbers become Python's, numbers that are not finite null."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if hasattr(value, "item") and not isinstance(value, str):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return str(value) if isinstance(value, os.PathLike) else value

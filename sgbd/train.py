@@ -6,7 +6,7 @@ from omegaconf import DictConfig
 
 from sgbd.configuration import entry_point, output_folder
 from sgbd.experiment import run_experiment
-from sgbd.sweep import run_once
+from sgbd.job import run_once
 
 
 @entry_point("train")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import io
 import json
@@ -10,7 +9,7 @@ import logging
 import math
 import pickle
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,15 +25,15 @@ from tqdm import tqdm
 
 from sgbd.atomic_file import write_whole
 from sgbd.batches import EpochBatches, batches_in_order, derived_seeds
-from sgbd.checkpoint import Checkpoint
+from sgbd.checkpoint import CHECKPOINT_FILE, Checkpoint
 from sgbd.graph import CUT, MERGE
 from sgbd.models import EdgeClassifier, ObjectnessHead, object_targets
 from sgbd.models.standardize import ColumnMoments
 from sgbd.sampling import EdgeSampler, edge_labels, graphs_of_pairs
+from sgbd.torch_threads import torch_threads
 
 log = logging.getLogger(__name__)
 
-CHECKPOINT_FILE = "checkpoint.safetensors"
 STATE_FILE = "state.pt"
 HISTORY_FILE = "history.csv"
 
@@ -224,7 +223,7 @@ class Trainer:
                 monitored score is missing, or the state in `folder` is of another training.
             KeyboardInterrupt: On Ctrl-C; finished epochs are kept.
         """
-        with _threads(self.threads):
+        with torch_threads(self.threads):
             return self._train(model, graphs, sampler, Path(folder), dict(recipe), objectness, validate, loggers)
 
     def _train(
@@ -266,13 +265,7 @@ class Trainer:
         else:
             log.info("going on after epoch %d of %d: %s", state["epoch"], self.epochs, path)
         if not state["finished"]:
-            fabric = Fabric(
-                accelerator=self.accelerator,
-                devices=self.devices,
-                strategy="ddp_spawn" if self.strategy == "auto" and self.devices > 1 else self.strategy,
-                precision=self.precision,  # type: ignore[arg-type]
-                loggers=[make(root_dir=folder) for make in loggers],
-            )
+            fabric = self._fabric([make(root_dir=folder) for make in loggers])
             try:
                 run: Callable[..., None] = self._run
                 fabric.launch(run, model, objectness, graphs, sampler, folder, recipe, validate, state)
@@ -293,6 +286,23 @@ class Trainer:
             folder / CHECKPOINT_FILE,
             path,
         )
+
+    def _fabric(self, loggers: list[Logger]) -> Fabric:
+        """Return Fabric on the configured devices; it fails where the machine or this build of PyTorch lacks them."""
+        try:
+            return Fabric(
+                accelerator=self.accelerator,
+                devices=self.devices,
+                strategy="ddp_spawn" if self.strategy == "auto" and self.devices > 1 else self.strategy,
+                precision=self.precision,  # type: ignore[arg-type]
+                loggers=loggers,
+            )
+        except (RuntimeError, ValueError) as error:
+            raise TrainingError(
+                f"cannot train with trainer.accelerator={self.accelerator}, trainer.devices={self.devices}, "
+                f"trainer.strategy={self.strategy}, trainer.precision={self.precision}: {error} "
+                "trainer.accelerator=auto takes what there is."
+            ) from error
 
     def _run(
         self,
@@ -334,7 +344,7 @@ class Trainer:
             unit="batch",
             disable=not (self.progress and fabric.is_global_zero),
         )
-        with bar, _threads(self.threads):
+        with bar, torch_threads(self.threads):
             for epoch in range(state["epoch"] + 1, self.epochs + 1):
                 start = time.perf_counter()
                 rate = float(bare_optimizer.param_groups[0]["lr"])
@@ -387,8 +397,9 @@ class Trainer:
         torch.manual_seed(seed)
         generator = torch.Generator().manual_seed(sampling_seed)
         joint.train()
-        sums = torch.zeros(3, dtype=torch.float64, device=fabric.device)
-        recent = torch.zeros_like(sums)
+        sums = torch.zeros(3, dtype=torch.float64)
+        # Not float64: some devices have none.
+        recent = torch.zeros(3, device=fabric.device)
         steps = since = 0
         for batch in batches.epoch(epoch):
             # Pairs are drawn on the CPU, so that they are the same on every device.
@@ -414,10 +425,10 @@ class Trainer:
                     )
                 step = (epoch - 1) * len(batches) + steps
                 fabric.log_dict({"step/loss": means[0], "step/edge_loss": means[1]}, step=step)
-                sums += recent
+                sums += recent.cpu()
                 recent.zero_()
                 since = 0
-        means_of_epoch: Any = fabric.all_reduce(sums / steps, reduce_op="mean")
+        means_of_epoch: Any = fabric.all_reduce((sums / steps).float().to(fabric.device), reduce_op="mean")
         return dict(zip(("loss", "edge_loss", "objectness_loss"), means_of_epoch.tolist(), strict=True))
 
     def _validate(
@@ -573,16 +584,6 @@ def _losses(joint: nn.Module, data: Data) -> tuple[Tensor, Tensor]:
     known = (target >= 0).float()
     total = binary_cross_entropy_with_logits(node_logits, target.clamp(min=0), weight=known, reduction="sum")
     return edge_loss, total / known.sum().clamp(min=1)
-
-
-@contextlib.contextmanager
-def _threads(count: int) -> Iterator[None]:
-    before = torch.get_num_threads()
-    torch.set_num_threads(count)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
 
 
 def _rank(score: float | None) -> float:

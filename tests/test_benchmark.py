@@ -9,9 +9,10 @@ from sgbd.benchmark import run_benchmark
 from sgbd.benchmarking import fresh_process, sections
 from sgbd.benchmarking.checkpoints import configured_checkpoint
 from sgbd.benchmarking.evaluation_speed import STAGES as EVALUATION_STAGES
+from sgbd.benchmarking.extent import SHORT, Extent
 from sgbd.benchmarking.frames import made_up_scene
 from sgbd.benchmarking.reference import STAGES as REFERENCE_STAGES
-from sgbd.benchmarking.sections import SECTIONS, SHORT, Extent
+from sgbd.benchmarking.sections import SECTIONS
 from sgbd.configuration import ConfigurationError
 from tests.benchmarking.configured import small_benchmark
 

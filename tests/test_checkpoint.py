@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import safetensors.torch
 import torch
 from torch import Tensor, nn
 
-from sgbd.checkpoint import Checkpoint, CheckpointError, instantiate
+from sgbd.checkpoint import Checkpoint, CheckpointError, find_checkpoint, instantiate
 from sgbd.models import EdgeClassifier, GatedGCN, ObjectnessHead, SharedMLP
 from sgbd.sampling import BalancedEdgeSampler
 from tests.graph_samples import grid_graph
@@ -200,3 +201,16 @@ def test_a_recipe_must_be_json(value: object, tmp_path: Path) -> None:
     with pytest.raises(CheckpointError, match="JSON values only"):
         checkpoint(note=value).save(tmp_path / "c")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_newest_checkpoint_is_found(tmp_path: Path) -> None:
+    with pytest.raises(CheckpointError, match=r"no trained model in .*python -m sgbd\.train"):
+        find_checkpoint(None, tmp_path)
+    for age, name in ((10, "old"), (5, "new"), (20, "oldest")):
+        path = tmp_path / name / "checkpoint.safetensors"
+        path.parent.mkdir()
+        path.write_bytes(b"")
+        os.utime(path, (1_000_000 - age, 1_000_000 - age))
+    assert find_checkpoint(None, tmp_path) == tmp_path / "new/checkpoint.safetensors"
+    assert find_checkpoint(str(tmp_path / "old"), tmp_path) == tmp_path / "old/checkpoint.safetensors"
+    assert find_checkpoint("else/where.safetensors", tmp_path) == Path("else/where.safetensors")

@@ -85,6 +85,23 @@ def test_models_are_left_in_the_mode_they_were_in(graphs: SuperpixelGraphDataset
     assert not head.training
 
 
+class Elsewhere(torch.nn.Module):
+    """A model on the device of tensors without values, so that the graphs must be moved to it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(1, device="meta"))
+
+    def forward(self, data: Data) -> torch.Tensor:
+        assert {value.device.type for _, value in data if isinstance(value, torch.Tensor)} == {"meta"}
+        return torch.full((data.edge_label_index.size(1),), 10.0)
+
+
+def test_graphs_go_to_the_models_device_and_are_scored_on_the_cpu(graphs: SuperpixelGraphDataset) -> None:
+    evaluate = Evaluator(ConnectedComponents(), boundaries=False)
+    assert evaluate(graphs, Elsewhere()).scores == evaluate(graphs, Merge()).scores
+
+
 def test_no_graphs_and_graphs_without_truth_are_refused(graphs: SuperpixelGraphDataset) -> None:
     evaluate = Evaluator(ConnectedComponents())
     with pytest.raises(EvaluationError, match="the split is empty"):

@@ -17,6 +17,7 @@ from sgbd.graph_file import (
     GraphSummary,
     read_graph,
     read_summary,
+    stored_fields,
     write_graph,
 )
 
@@ -82,6 +83,24 @@ def test_a_graph_is_restored_bit_for_bit(
     write_graph(path, data, "f")
     # None is how PyG says that a field is absent.
     assert_identical(data, read_graph(path))
+
+
+@pytest.mark.parametrize(("forward", "backward"), [(1.0, 0.5), (0.5, 1.0), (1.0, 300.0), (1.0, -1.0)])
+def test_edge_features_are_stored_in_other_types_for_the_two_directions(
+    tmp_path: Path, forward: float, backward: float
+) -> None:
+    data = graph()
+    data.edge_attr = torch.tensor([forward, backward]).repeat_interleave(5)[:, None].repeat(1, 2)
+    data.edge_attr[:, 0] = 1.0
+    write_graph(tmp_path / "g.safetensors", data, "f")
+    assert_identical(data, read_graph(tmp_path / "g.safetensors"))
+
+
+def test_which_fields_are_stored_is_read_without_them(tmp_path: Path) -> None:
+    write_graph(tmp_path / "g.safetensors", graph(), "f")
+    assert stored_fields(tmp_path / "g.safetensors") == set(graph().to_dict())
+    with pytest.raises(GraphFileError, match="is missing"):
+        stored_fields(tmp_path / "none.safetensors")
 
 
 def test_what_follows_from_the_rest_is_not_stored(tmp_path: Path) -> None:

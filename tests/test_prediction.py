@@ -74,6 +74,12 @@ def test_what_is_no_frame_is_refused(tmp_path: Path) -> None:
         RecordedFrames(tmp_path / "a.png", tmp_path / "a.png")[0]
 
 
+def test_two_images_of_one_frame_are_refused(tmp_path: Path) -> None:
+    _write(scene(0), tmp_path / "a_rgb.png", tmp_path / "a_depth.png")
+    with pytest.raises(FrameReadError, match=r"a_rgb\.png: frame 'a' has two images, this one and a_depth\.png"):
+        RecordedFrames(tmp_path, tmp_path)
+
+
 def test_objects_are_described_by_box_area_and_score() -> None:
     assert objects_as_json(_segmentation()) == [
         {"id": 1, "area": 15, "box": [2, 1, 5, 3], "score": 0.9, "objectness": 0.95},

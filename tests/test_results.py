@@ -1,13 +1,10 @@
 import json
-import os
 from pathlib import Path
 
 import pandas as pd
-import pytest
 
-from sgbd.checkpoint import CheckpointError
 from sgbd.evaluation import Evaluation
-from sgbd.results import example_frames, find_checkpoint, markdown, write_evaluation
+from sgbd.results import example_frames, markdown, write_evaluation
 
 EVALUATION = Evaluation(
     scores={"all/overlap_f": 0.5, "all/f75": 0.25, "hm/overlap_f": 0.125},
@@ -40,16 +37,3 @@ def test_files_of_an_evaluation(tmp_path: Path) -> None:
     ]
     assert (tmp_path / "out/scores.md").read_text() == markdown(EVALUATION) + "\n"
     assert not (tmp_path / "out/categories.csv").exists()
-
-
-def test_the_newest_checkpoint_is_found(tmp_path: Path) -> None:
-    with pytest.raises(CheckpointError, match=r"no trained model in .*python -m sgbd\.train"):
-        find_checkpoint(None, tmp_path)
-    for age, name in ((10, "old"), (5, "new"), (20, "oldest")):
-        path = tmp_path / name / "checkpoint.safetensors"
-        path.parent.mkdir()
-        path.write_bytes(b"")
-        os.utime(path, (1_000_000 - age, 1_000_000 - age))
-    assert find_checkpoint(None, tmp_path) == tmp_path / "new/checkpoint.safetensors"
-    assert find_checkpoint(str(tmp_path / "old"), tmp_path) == tmp_path / "old/checkpoint.safetensors"
-    assert find_checkpoint("else/where.safetensors", tmp_path) == Path("else/where.safetensors")

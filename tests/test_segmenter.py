@@ -78,6 +78,12 @@ def test_arrays_that_are_no_frame_are_refused(checkpoint: Checkpoint) -> None:
         Segmenter(checkpoint).segment(frame.rgb, frame.depth[1:])
 
 
+@pytest.mark.parametrize("device", ["cuda:99", "abacus"])
+def test_a_device_that_is_not_there_is_refused(checkpoint: Checkpoint, device: str) -> None:
+    with pytest.raises(ValueError, match=rf"device {device} cannot be used here: .*use device=cpu"):
+        Segmenter(checkpoint, device=device)
+
+
 def test_a_recipe_with_gaps_is_refused(checkpoint: Checkpoint) -> None:
     del checkpoint.recipe["superpixels"]
     with pytest.raises(CheckpointError, match="the recipe names no class"):

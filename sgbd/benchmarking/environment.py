@@ -14,6 +14,7 @@ import psutil
 import torch
 
 from sgbd.configuration import ConfigurationError
+from sgbd.processors import usable_processors
 
 PACKAGES = ("sgbd", "numpy", "numba", "scipy", "scikit-image", "torch", "torch-geometric", "networkx")
 
@@ -27,7 +28,7 @@ def environment() -> dict[str, Any]:
     return {
         "cpu": cpu_name(),
         "cores": os.cpu_count(),
-        "cores_used": len(usable_cores()),
+        "cores_used": len(usable_processors()),
         "torch_threads": torch.get_num_threads(),
         "memory_gib": round(psutil.virtual_memory().total / 2**30, 1),
         # Above the number of cores others were computing too: trust ratios more than times.
@@ -48,11 +49,6 @@ def cpu_name() -> str:
     return platform.processor() or platform.machine()
 
 
-def usable_cores() -> list[int]:
-    """Return the numbers of the cores that this process may run on."""
-    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
-
-
 @contextmanager
 def limited_to(threads: int | None, torch_threads: int) -> Iterator[None]:
     """Run on so many cores, with all threads and processes that are started meanwhile.
@@ -64,7 +60,7 @@ def limited_to(threads: int | None, torch_threads: int) -> Iterator[None]:
     Raises:
         ConfigurationError: If there are not as many, or the system cannot bind processes to cores.
     """
-    cores, torch_before = usable_cores(), torch.get_num_threads()
+    cores, torch_before = usable_processors(), torch.get_num_threads()
     if threads is not None and not 1 <= threads <= len(cores):
         raise ConfigurationError(f"threads must be from 1 to {len(cores)}, the cores of this process; got {threads}")
     if torch_threads < 1:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-
-from torch_geometric.data import Data
 
 from sgbd.benchmarking.timing import Stopwatch
 from sgbd.data import SuperpixelGraphDataset
@@ -48,7 +45,7 @@ def measure_evaluation(cache: Path, split: str, segmenter: Segmenter, repeats: i
 
 
 def _frame_by_frame(
-    dataset: Sequence[Data], segmenter: Segmenter, judges: dict[bool, Evaluator], stopwatch: Stopwatch
+    dataset: SuperpixelGraphDataset, segmenter: Segmenter, judges: dict[bool, Evaluator], stopwatch: Stopwatch
 ) -> None:
     for index in range(len(dataset)):
         with stopwatch.step(STAGES[0]):
@@ -58,4 +55,4 @@ def _frame_by_frame(
             segments = partition_graph(data, classification, segmenter.partition, segmenter.rule)
         for stage, judge in zip(STAGES[2:], judges.values(), strict=True):
             with stopwatch.step(stage):
-                judge.score(data, segments, dataset.category_names)  # type: ignore[attr-defined]
+                judge.score(data, segments, dataset.category_names, unaided=segmenter.objectness is not None)

@@ -9,10 +9,11 @@ from hydra import compose
 from hydra.core.global_hydra import GlobalHydra
 from omegaconf import DictConfig
 
-from sgbd.benchmarking.checkpoints import GROUPS, configured_checkpoint, segmenter
+from sgbd.benchmarking.checkpoints import configured_checkpoint, segmenter
 from sgbd.benchmarking.frames import RawFrame
 from sgbd.benchmarking.reference import Reference, scikit_image_superpixels
 from sgbd.configuration import ConfigurationError
+from sgbd.untrained import GROUPS
 
 Method = Callable[[RawFrame], Any]
 

@@ -14,9 +14,10 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 from tqdm import tqdm
 
-from sgbd.benchmarking.checkpoints import configured_checkpoint, segmenter, trusted_packages
+from sgbd.benchmarking.checkpoints import configured_checkpoint, segmenter
 from sgbd.benchmarking.dataset import write_dataset
 from sgbd.benchmarking.evaluation_speed import measure_evaluation
+from sgbd.benchmarking.extent import Extent
 from sgbd.benchmarking.frames import RawFrame
 from sgbd.benchmarking.fresh_process import in_fresh_process, save_frames
 from sgbd.benchmarking.methods import OURS, REFERENCE, SCIKIT_IMAGE, Method, make_method
@@ -29,50 +30,7 @@ from sgbd.benchmarking.timing import Ratio, Stopwatch, take_turns
 from sgbd.benchmarking.training_speed import measure_training
 from sgbd.configuration import ConfigurationError
 from sgbd.sources import FrameSource
-
-
-@dataclass(frozen=True)
-class Extent:
-    """How much is measured.
-
-    Attributes:
-        repeats: Of a frame.
-        reference_repeats: Of a frame by the reference, which takes a second or so.
-        memory_frames: Frames over which memory is watched.
-        start_repeats: Fresh processes with a warm cache of compiled code.
-        prepare_frames: Frames that are prepared.
-        train_graphs: Graphs of an epoch of training.
-        evaluate_repeats: Passes of evaluation.
-    """
-
-    repeats: int = 40
-    reference_repeats: int = 6
-    memory_frames: int = 200
-    start_repeats: int = 3
-    prepare_frames: int = 64
-    train_graphs: int = 400
-    evaluate_repeats: int = 3
-
-    def __post_init__(self) -> None:
-        """Check the numbers.
-
-        Raises:
-            ConfigurationError: If one is below 1.
-        """
-        for name, value in vars(self).items():
-            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-                raise ConfigurationError(f"{name} must be a number from 1; got {value!r}")
-
-
-SHORT = Extent(
-    repeats=10,
-    reference_repeats=2,
-    memory_frames=30,
-    start_repeats=1,
-    prepare_frames=16,
-    train_graphs=40,
-    evaluate_repeats=1,
-)
+from sgbd.untrained import trusted_packages
 
 
 @dataclass
@@ -139,9 +97,7 @@ class Benchmark:
         rows = [{"stage": name, **timing.row()} for name, timing in stages.timings().items()]
         rows.append({"stage": "sum of stages", **stages.sums(REFERENCE_STAGES).row()})
         self.report.add("reference_stages", f"The published algorithm re-stated, {self.size}, n={n}", rows)
-        self._add_comparison(
-            "reference", watched, OURS, f"In turns, {self.size}, n={n}; ratios of times to those of {OURS}"
-        )
+        self._add_comparison("reference", watched, OURS, f"In turns, {self.size}, n={n}")
 
     def compare(self, first: str, second: str) -> None:
         """Time two methods in turns.

@@ -43,9 +43,9 @@ def segment_in_stages(segmenter: Segmenter, raw: RawFrame, stopwatch: Stopwatch)
     with stopwatch.step("superpixels"):
         label_map = segmenter.superpixels(frame)
     with stopwatch.step("graph"):
-        data = segmenter._select(segmenter.graph(frame, label_map, store_maps=False))
+        data = segmenter.build_graph(frame, label_map)
     with stopwatch.step("model"):
-        classification = classify(segmenter.model, segmenter.objectness, data.to(segmenter.device))
+        classification = classify(segmenter.model, segmenter.objectness, data)
     with stopwatch.step("partition"):
         segments = partition_graph(data, classification, segmenter.partition, segmenter.rule)
     with stopwatch.step("painting"):

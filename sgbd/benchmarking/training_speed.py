@@ -9,13 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from sgbd.batches import FIELDS
 from sgbd.checkpoint import Checkpoint
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.sampling import EdgeSampler
 from sgbd.training import Trainer
-
-FIELDS = ("x", "edge_index", "edge_attr", "edge_label_index", "edge_label", "node_instance")
-"""What training reads of a graph."""
 
 
 def measure_training(

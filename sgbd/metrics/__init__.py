@@ -10,7 +10,7 @@ from sgbd.metrics.categories import (
     seen_and_unseen,
 )
 from sgbd.metrics.clustering import ClusteringScores, clustering_scores
-from sgbd.metrics.contingency import IGNORE, ContingencyTable
+from sgbd.metrics.contingency import ContingencyTable
 from sgbd.metrics.edges import EdgeScores, edge_scores
 from sgbd.metrics.frame_scores import FrameScores, frame_table, score_frame, summarize
 from sgbd.metrics.objects import FIRST_OBJECT, objects_by_contact, objects_by_label, objects_by_majority
@@ -25,7 +25,6 @@ from sgbd.metrics.superpixel import (
 
 __all__ = [
     "FIRST_OBJECT",
-    "IGNORE",
     "BoundaryScores",
     "CategoryScores",
     "ClusteringScores",

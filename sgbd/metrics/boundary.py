@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sgbd.compiled import compiled
-from sgbd.metrics.contingency import IGNORE
+from sgbd.frame import IGNORE
 from sgbd.metrics.f_measure import precision_recall_f
 from sgbd.metrics.label_index import as_label_map, label_index
 from sgbd.metrics.overlap import Matching

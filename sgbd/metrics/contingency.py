@@ -1,7 +1,8 @@
 """The contingency table of a segmentation and the truth: how many pixels each segment shares with each instance.
 
 Every overlap and clustering score is a function of this table alone. Where segments are unions of superpixels it
-follows from the overlap of superpixels and instances without looking at a pixel again.
+follows from the overlap of superpixels and instances without looking at a pixel again. Pixels whose truth is unknown
+(`sgbd.frame.IGNORE`) are left out of every count, on both sides.
 """
 
 from __future__ import annotations
@@ -12,10 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sgbd.compiled import compiled
+from sgbd.frame import IGNORE
 from sgbd.metrics.label_index import as_label_map, distinct_labels, label_index
-
-IGNORE: int = -1
-"""Label of the pixels whose truth is unknown. They are left out of every count, on both sides."""
 
 
 @dataclass(frozen=True, eq=False)

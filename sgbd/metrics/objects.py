@@ -15,9 +15,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from sgbd.frame import SUPPORT
 from sgbd.metrics.contingency import ContingencyTable
 
-FIRST_OBJECT: int = 2
+FIRST_OBJECT: int = SUPPORT + 1
 """The lowest label of an object; 0 is background and 1 the supporting surface."""
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import maximum_filter
 
-from sgbd.metrics.contingency import IGNORE, ContingencyTable
+from sgbd.frame import IGNORE
+from sgbd.metrics.contingency import ContingencyTable
 from sgbd.metrics.label_index import as_label_map
 
 

@@ -169,7 +169,7 @@ root may hold train/, val/ and test/, each of this layout.
         if len(without_depth) == len(found["rgb"]):
             raise self._not_found(f"none of the {len(without_depth)} colour images in {folder} has a depth image")
         if self.intrinsics is None:
-            log.info("%s: the camera is unknown, a horizontal view of 59° is assumed (dataset.intrinsics)", self.root)
+            log.info("%s: the camera is unknown, a horizontal view of 59° is assumed (option: intrinsics)", self.root)
         # One missing depth image is that frame's error: reading it says so, and the rest can be used.
         return tuple(
             _Files(name, rgb, found["depth"].get(name, _depth_path(rgb)), found["labels"].get(name))

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sgbd.frame import SUPPORT, Frame
-from sgbd.overlay import overlay
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -103,6 +102,9 @@ class FrameSource(ABC):
             A figure with one panel each, made without pyplot: nothing needs to be closed.
         """
         from matplotlib.figure import Figure
+
+        # Here, so that what pictures look like is no part of what graphs are made by.
+        from sgbd.overlay import overlay
 
         frame = self[index]
         panels = 2 if frame.instances is None else 3

@@ -11,7 +11,7 @@ from skimage.measure import label
 from sgbd.adjacency import LabelMap, border_lengths
 
 
-def intersect(first: npt.NDArray[np.integer], second: npt.NDArray[np.integer]) -> LabelMap:
+def intersect(first: npt.NDArray[np.integer], second: npt.NDArray[np.integer]) -> npt.NDArray[np.int64]:
     """Combine two over-segmentations: pixels stay together that are together in both.
 
     Args:
@@ -19,10 +19,9 @@ def intersect(first: npt.NDArray[np.integer], second: npt.NDArray[np.integer]) -
         second: int [H, W], ids from 0.
 
     Returns:
-        int32 [H, W], ids from 0, not contiguous and not necessarily connected.
+        int64 [H, W], ids from 0, not contiguous and not necessarily connected.
     """
-    width = int(second.max(initial=0)) + 1
-    return (first.astype(np.int32) * np.int32(width) + second.astype(np.int32)).astype(np.int32)
+    return first.astype(np.int64) * (int(second.max(initial=0)) + 1) + second
 
 
 def connected_regions(labels: npt.NDArray[np.integer]) -> LabelMap:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -17,6 +16,7 @@ import numpy.typing as npt
 from sgbd.adjacency import LabelMap
 from sgbd.compiled import HAS_NUMBA
 from sgbd.frame import Frame
+from sgbd.processors import usable_processors
 from sgbd.superpixels.feature_planes import (
     FARTHEST,
     TO_XYZ,
@@ -130,7 +130,7 @@ class FastSlic(Slic):
     @property
     def thread_count(self) -> int:
         """Threads that a call works in on this machine."""
-        return self.threads or min(2, available_processors())
+        return self.threads or min(2, len(usable_processors()))
 
     def __call__(self, frame: Frame) -> LabelMap:
         """Over-segment a frame.
@@ -220,8 +220,3 @@ def say_that_numba_is_missing() -> None:
         "numba is not installed: superpixels come from scikit-image's SLIC, which takes some twenty times as long. "
         "Install it with 'pip install numba'."
     )
-
-
-def available_processors() -> int:
-    """Return the number of processors that this process may run on."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

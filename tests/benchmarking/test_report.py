@@ -4,9 +4,10 @@ import json
 
 import pytest
 
-from sgbd.benchmarking.environment import environment, limited_to, usable_cores
+from sgbd.benchmarking.environment import environment, limited_to
 from sgbd.benchmarking.report import Report
 from sgbd.configuration import ConfigurationError
+from sgbd.processors import usable_processors
 
 
 def test_tables_are_aligned_and_leave_empty_columns_out():
@@ -57,10 +58,10 @@ def test_both_files_hold_every_table(tmp_path):
 
 
 def test_running_on_fewer_cores():
-    cores = usable_cores()
+    cores = usable_processors()
     with limited_to(1, 1):
-        assert usable_cores() == cores[:1]
-    assert usable_cores() == cores
+        assert usable_processors() == cores[:1]
+    assert usable_processors() == cores
 
 
 @pytest.mark.parametrize("threads", [0, 100_000])

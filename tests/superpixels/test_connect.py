@@ -88,3 +88,11 @@ def test_border_lengths_count_pixel_sides(label_map: npt.NDArray[np.int32]) -> N
     pairs, lengths = border_lengths(label_map)
     assert [tuple(pair) for pair in pairs.T.tolist()] == sorted(counted)
     assert lengths.tolist() == [counted[pair] for pair in sorted(counted)]
+
+
+def test_many_superpixels_have_many_intersections() -> None:
+    # The product of the two numbers of ids does not fit into 32 bits.
+    first, second = np.array([[0, 99_999, 99_999]]), np.array([[0, 99_999, 0]])
+    combined = intersect(first, second)
+    assert len(np.unique(combined)) == 3
+    assert combined.min() >= 0

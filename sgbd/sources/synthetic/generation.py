@@ -17,6 +17,7 @@ from PIL import Image
 from tqdm import tqdm
 
 from sgbd.atomic_file import write_whole
+from sgbd.processors import usable_processors
 from sgbd.sources.categories import TABLE_CATEGORY, TOD_CATEGORIES, TOD_SYNSETS
 from sgbd.sources.synthetic.recipe import FIRST_VIEW, FOLDERS, Recipe
 from sgbd.workers import WorkerError, map_in_order
@@ -60,7 +61,7 @@ def generate(root: Path, recipe: Recipe, workers: int | None = None, progress: b
         return
     require_extra()
     if workers is None:
-        workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        workers = len(usable_processors())
     try:
         root.mkdir(parents=True, exist_ok=True)
         lock = FileLock(root / ".lock")
@@ -69,9 +70,11 @@ def generate(root: Path, recipe: Recipe, workers: int | None = None, progress: b
         except Timeout:
             log.warning("another process generates %s: waiting for it", root)
             lock.acquire()
-        with lock:
+        try:
             if not is_complete(root, recipe):
                 _generate_locked(root, recipe, workers, progress)
+        finally:
+            lock.release()
     except OSError as error:
         raise GenerationError(
             f"{root} cannot be written: {error.strerror or error}. Free space or choose another folder (root); "

@@ -1,0 +1,69 @@
+"""How much a benchmark measures."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+from omegaconf import DictConfig
+
+from sgbd.configuration import ConfigurationError
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How much is measured.
+
+    Attributes:
+        repeats: Of a frame.
+        reference_repeats: Of a frame by the reference, which takes a second or so.
+        memory_frames: Frames over which memory is watched.
+        start_repeats: Fresh processes with a warm cache of compiled code.
+        prepare_frames: Frames that are prepared.
+        train_graphs: Graphs of an epoch of training.
+        evaluate_repeats: Passes of evaluation.
+    """
+
+    repeats: int = 40
+    reference_repeats: int = 6
+    memory_frames: int = 200
+    start_repeats: int = 3
+    prepare_frames: int = 64
+    train_graphs: int = 400
+    evaluate_repeats: int = 3
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            ConfigurationError: If one is below 1.
+        """
+        for name, value in vars(self).items():
+            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+                raise ConfigurationError(f"{name} must be a number from 1; got {value!r}")
+
+
+SHORT = Extent(
+    repeats=10,
+    reference_repeats=2,
+    memory_frames=30,
+    start_repeats=1,
+    prepare_frames=16,
+    train_graphs=40,
+    evaluate_repeats=1,
+)
+
+
+def configured_extent(config: DictConfig) -> Extent:
+    """Return what is configured, and the full or the short extent where that is null.
+
+    Args:
+        config: A configuration with the keys of conf/benchmark.yaml.
+
+    Raises:
+        ConfigurationError: If a number is below 1.
+    """
+    given = {field.name: config[field.name] for field in dataclasses.fields(Extent)}
+    return dataclasses.replace(
+        SHORT if config.short else Extent(), **{name: value for name, value in given.items() if value is not None}
+    )

@@ -1,0 +1,81 @@
+"""The model that a configuration means, before it is trained, and the recipe that goes with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from hydra.utils import instantiate
+from omegaconf import DictConfig, OmegaConf
+
+from sgbd.checkpoint import Checkpoint
+from sgbd.features import EDGE_GROUPS, NODE_GROUPS, edge_columns, node_columns
+from sgbd.recipe import describe
+
+GROUPS = ("superpixels", "graph", "model", "objectness", "partition", "objects")
+"""Groups of the configuration that a checkpoint's recipe is made of, beside the features."""
+
+
+def untrained_checkpoint(config: DictConfig) -> Checkpoint:
+    """Make the configured networks, with weights from PyTorch's global generator, and their recipe.
+
+    Args:
+        config: A configuration with `GROUPS` and `features` of conf/train.yaml.
+
+    Returns:
+        The networks as they are before training; the recipe has all that a `sgbd.segmenter.Segmenter` needs.
+
+    Raises:
+        ValueError: If a feature group is unknown; the message lists the choices.
+    """
+    features = {
+        "node": _groups(config.features.node, NODE_GROUPS),
+        "edge": _groups(config.features.edge, EDGE_GROUPS),
+    }
+    node_channels = {"node_channels": len(node_columns(features["node"]))}
+    channels = {**node_channels, "edge_channels": len(edge_columns(features["edge"]))}
+    model = instantiate(config.model, **channels)
+    has_head = config.objectness is not None
+    recipe = {
+        "superpixels": describe(instantiate(config.superpixels), "superpixels"),
+        "graph": describe(instantiate(config.graph), "graph"),
+        "features": features,
+        "model": {**_plain(config.model), **channels},
+        "objectness": {**_plain(config.objectness), **node_channels} if has_head else None,
+        "partition": _plain(config.partition),
+        "objects": _plain(config.objects),
+    }
+    return Checkpoint(model, instantiate(config.objectness, **node_channels) if has_head else None, recipe)
+
+
+def trusted_packages(config: DictConfig) -> tuple[str, ...]:
+    """Return the packages whose classes and functions a configuration names: whoever wrote it trusts them.
+
+    Args:
+        config: A configuration with `GROUPS`, and `trust` where a checkpoint may name more.
+    """
+    targets = (target for group in GROUPS if config[group] is not None for target in _targets(_plain(config[group])))
+    return tuple(sorted({*(config.get("trust") or ()), *(target.partition(".")[0] for target in targets)}))
+
+
+def _groups(chosen: Any, table: Mapping[str, Any]) -> list[str]:
+    """Spell out which groups null stands for, so that a checkpoint keeps its meaning when groups are added."""
+    return list(table if chosen is None else chosen)
+
+
+def _plain(config: DictConfig) -> dict[str, Any]:
+    values = OmegaConf.to_container(config, resolve=True)
+    assert isinstance(values, dict)
+    return {str(key): value for key, value in values.items()}
+
+
+def _targets(values: Any) -> Iterator[str]:
+    """Yield every `_target_`, also of what is nested in arguments."""
+    if isinstance(values, Mapping):
+        if "_target_" in values:
+            yield str(values["_target_"])
+        for value in values.values():
+            yield from _targets(value)
+    elif isinstance(values, list):
+        for value in values:
+            yield from _targets(value)

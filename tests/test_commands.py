@@ -1,0 +1,269 @@
+"""The commands as they are typed, from files on disk to files on disk, on small frames that are hard in some way."""
+
+from __future__ import annotations
+
+import errno
+import importlib
+import json
+import logging
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+from hydra.core.hydra_config import HydraConfig
+
+from sgbd.frame import Frame
+from tests.scenes import scene
+
+SMALL = ("dataset=folder", "superpixels.n_segments=12", "trainer.epochs=2", "trainer.progress=false", "logger=csv")
+
+Command = Callable[..., int]
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    """Run a command in this process and return its exit status; what Hydra leaves behind is taken away again."""
+    handlers, level = logging.root.handlers[:], logging.root.level
+    monkeypatch.chdir(tmp_path)
+
+    def run(entry: str, *arguments: str) -> int:
+        monkeypatch.setattr(sys, "argv", [entry, *arguments])
+        try:
+            importlib.import_module(f"sgbd.{entry}").main()
+        except SystemExit as end:
+            return int(end.code or 0)
+        return 0
+
+    yield run
+    for handler in logging.root.handlers:
+        if handler not in handlers and isinstance(handler, logging.FileHandler):
+            handler.close()
+    logging.root.handlers[:] = handlers
+    logging.root.setLevel(level)
+    HydraConfig.instance().cfg = None
+
+
+def write(frame: Frame, name: str, folder: Path, truth: bool = True) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    iio.imwrite(folder / f"{name}_rgb.png", frame.rgb)
+    iio.imwrite(folder / f"{name}_depth.png", (1000 * frame.depth).round().astype(np.uint16))
+    if truth:
+        iio.imwrite(folder / f"{name}_labels.png", frame.instances.astype(np.uint8))
+
+
+def crop(frame: Frame, height: int, width: int) -> Frame:
+    return replace(
+        frame, rgb=frame.rgb[:height, :width], depth=frame.depth[:height, :width],
+        instances=np.ones((height, width), np.int32), categories={},
+    )  # fmt: skip
+
+
+def hard_frames(folder: Path) -> None:
+    """Frames of one instance, without any object, of one superpixel, and of one pixel."""
+    flat = np.ones((40, 56), np.float32)
+    grey = np.full((40, 56, 3), 120, np.uint8)
+    write(Frame(grey, flat, instances=np.zeros(flat.shape, np.int32)), "one_instance", folder)
+    table = np.where(np.arange(40)[:, None] < 20, 0, 1).repeat(56, 1).astype(np.int32)
+    write(Frame(grey + 60 * table[..., None].astype(np.uint8), flat + table, instances=table), "no_object", folder)
+    write(crop(scene(20), 4, 6), "few_pixels", folder)
+    write(crop(scene(20), 1, 1), "one_pixel", folder)
+
+
+@pytest.fixture
+def frames(tmp_path: Path) -> Path:
+    for split, numbers in {"train": range(3), "val": range(3, 5), "test": range(5, 7)}.items():
+        for number in numbers:
+            write(scene(number), f"scene{number}", tmp_path / "frames" / split)
+    return tmp_path / "frames"
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("model=mlp", "superpixels=slic_fast"),
+        ("model=gated_gcn", "superpixels=slic_reference", "features=all", "partition=multicut"),
+        ("model=attention", "superpixels=slic_fast", "graph=bounding_box"),
+    ],
+    ids=lambda options: options[0],
+)
+def test_hard_frames_go_through_every_command(
+    command: Command, frames: Path, options: tuple[str, ...], tmp_path: Path
+) -> None:
+    for split in ("train", "val", "test"):
+        hard_frames(frames / split)
+    assert (
+        command("train", *SMALL, *options, "pictures=0", f"dataset.root={frames}", "workers=0", "hydra.run.dir=trained")
+        == 0
+    )
+    result = json.loads((tmp_path / "trained" / "result.json").read_text())
+    assert 0 <= result["scores"]["all/overlap_f"] <= 1
+    evaluated = ("dataset=folder", f"dataset.root={frames}", "checkpoint=trained", "workers=0", "pictures=1")
+    assert command("evaluate", *evaluated, "hydra.run.dir=evaluated") == 0
+    assert json.loads((tmp_path / "evaluated" / "scores.json").read_text()) == result["scores"]
+    assert command("predict", f"rgb={frames / 'test'}", "checkpoint=trained", "output=predicted") == 0
+    assert iio.imread(tmp_path / "predicted" / "one_pixel_labels.png").shape == (1, 1)
+    assert len(list((tmp_path / "predicted").glob("*.json"))) == 6
+
+
+def test_reading_from_the_cache_or_memory_with_any_number_of_processes_gives_one_result(
+    command: Command, frames: Path, tmp_path: Path
+) -> None:
+    here = (*SMALL, f"dataset.root={frames}", "pictures=0")
+    assert command("train", *here, "in_memory=true", "workers=0", "hydra.run.dir=a") == 0
+    other = ("in_memory=false", "workers=2", "trainer.num_workers=1", "cache_dir=graphs_of_b")
+    assert command("train", *here, *other, "hydra.run.dir=b") == 0
+    assert (tmp_path / "a/checkpoint.safetensors").read_bytes() == (tmp_path / "b/checkpoint.safetensors").read_bytes()
+    assert (tmp_path / "a/scores.json").read_bytes() == (tmp_path / "b/scores.json").read_bytes()
+
+
+def test_frames_without_truth_are_left_out_and_named(
+    command: Command, frames: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for split in ("train", "val", "test"):
+        write(scene(9), "unlabelled", frames / split, truth=False)
+    here = (*SMALL, f"dataset.root={frames}", "workers=0", "pictures=0")
+    assert command("train", *here, "hydra.run.dir=trained") == 0
+    told = capsys.readouterr().err
+    for split, count in {"train": 4, "val": 3, "test": 3}.items():
+        assert f"left out: 1 of {count} frames of {split} have no ground truth: unlabelled" in told
+    assert "scene5" in (tmp_path / "trained/frames.csv").read_text()
+    assert "unlabelled" not in (tmp_path / "trained/frames.csv").read_text()
+    assert command("train", *here, "on_error=fail", "hydra.run.dir=strict") == 1
+    assert "1 of 4 frames of train have no ground truth: unlabelled. Give label images" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("entry", ["prepare", "train", "evaluate"])
+@pytest.mark.parametrize("dataset", ["folder", "mosd", "tod"])
+def test_a_missing_folder_says_what_is_expected(
+    command: Command, entry: str, dataset: str, frames: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    trained: Path,
+) -> None:  # fmt: skip
+    model = (f"checkpoint={trained}",) if entry == "evaluate" else ()
+    assert command(entry, f"dataset={dataset}", "dataset.root=nowhere", *model, "hydra.run.dir=run") == 1
+    told = capsys.readouterr().err
+    assert "nowhere" in told
+    assert "uint16" in told, "the layout"
+    assert "dataset=tabletop" in told, "a way out"
+    assert "Traceback" not in told
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An untrained model's checkpoint: enough for what is tested on it."""
+    from hydra import compose, initialize_config_dir
+    from hydra.utils import instantiate
+    from omegaconf import OmegaConf
+
+    from sgbd.checkpoint import Checkpoint
+    from sgbd.configuration import config_folder
+    from sgbd.recipe import describe
+
+    with initialize_config_dir(str(config_folder()), version_base="1.3"):
+        config = compose("train", ["objectness=none", "superpixels.n_segments=12"])
+    model = {**OmegaConf.to_container(config.model), "node_channels": 9, "edge_channels": 0}
+    recipe = {
+        "superpixels": describe(instantiate(config.superpixels), "superpixels"),
+        "graph": describe(instantiate(config.graph), "graph"),
+        "features": {"node": ["rgb", "position", "depth", "normal"], "edge": []},
+        "model": model,
+        "objectness": None,
+        "partition": OmegaConf.to_container(config.partition),
+        "objects": OmegaConf.to_container(config.objects),
+    }
+    path = tmp_path_factory.mktemp("model") / "checkpoint.safetensors"
+    Checkpoint(instantiate(config.model, node_channels=9, edge_channels=0), None, recipe).save(path)
+    return path
+
+
+@pytest.fixture
+def full_after(monkeypatch: pytest.MonkeyPatch):
+    """Let the disk be full when a file of some name is to be made durable."""
+    fsync = os.fsync
+
+    def fill(*names: str) -> None:
+        def refuse(descriptor: int) -> None:
+            path = Path(f"/proc/self/fd/{descriptor}").readlink()
+            if any(name in path.name for name in names):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            fsync(descriptor)
+
+        monkeypatch.setattr(os, "fsync", refuse)
+
+    yield fill
+    monkeypatch.setattr(os, "fsync", fsync)
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="tells files by their descriptors as Linux does")
+def test_a_disk_that_is_full_in_training_costs_no_finished_epoch(
+    command: Command, frames: Path, full_after, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    here = (*SMALL, f"dataset.root={frames}", "workers=0", "pictures=0")
+    assert command("train", *here, "hydra.run.dir=whole") == 0
+    # Each time a little later.
+    for file in ("checkpoint.safetensors", "state.pt", "curves.png", "frames.csv", "result.json"):
+        full_after(f".{file}.")
+        assert command("train", *here, "hydra.run.dir=broken") == 1
+        told = capsys.readouterr().err
+        assert f"the disk is full while writing {tmp_path / 'broken' / file}" in told
+        assert f"go on with: python -m sgbd.train {' '.join(here)} hydra.run.dir=" in told
+        assert not list((tmp_path / "broken").glob("*.tmp"))
+    full_after()
+    assert command("train", *here, "hydra.run.dir=broken") == 0
+    for same in ("checkpoint.safetensors", "scores.json"):
+        assert (tmp_path / "whole" / same).read_bytes() == (tmp_path / "broken" / same).read_bytes()
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="tells files by their descriptors as Linux does")
+@pytest.mark.parametrize("file", ["scores.md", "frames.csv", "1_scene"])
+def test_a_disk_that_is_full_in_evaluation(
+    command: Command, frames: Path, file: str, full_after, trained: Path, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    full_after(f".{file}")
+    here = ("dataset=folder", f"dataset.root={frames}", f"checkpoint={trained}", "workers=0", "pictures=1")
+    assert command("evaluate", *here, "hydra.run.dir=run") == 1
+    told = capsys.readouterr().err
+    assert "the disk is full while writing" in told
+    assert file in told
+    assert not [path for path in (tmp_path / "run").rglob("*") if file in path.name], "neither half a file nor litter"
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="tells files by their descriptors as Linux does")
+def test_a_disk_that_is_full_in_prediction_leaves_whole_files(
+    command: Command, frames: Path, full_after, trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    full_after("scene6_overlay")
+    assert command("predict", f"rgb={frames / 'test'}", f"checkpoint={trained}", "output=out") == 1
+    assert "the disk is full while writing out/scene6_overlay.png" in capsys.readouterr().err
+    written = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert written == ["scene5.json", "scene5_labels.png", "scene5_overlay.png", "scene6_labels.png"]
+
+
+def test_prediction_names_what_it_cannot_read_and_goes_on(
+    command: Command, frames: Path, trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = frames / "test"
+    frame = scene(7)
+    for name, depth in {
+        "bits": (frame.depth * 50).astype(np.uint8),
+        "colours": np.zeros((*frame.depth.shape, 3), np.uint8),
+        "missing": np.zeros(frame.depth.shape, np.uint16),
+        "size": np.full((10, 10), 1000, np.uint16),
+    }.items():
+        write(frame, name, folder)
+        iio.imwrite(folder / f"{name}_depth.png", depth)
+    write(frame, "cut", folder)
+    whole = (folder / "cut_depth.png").read_bytes()
+    (folder / "cut_depth.png").write_bytes(whole[: len(whole) // 2])
+    assert command("predict", f"rgb={folder}", f"checkpoint={trained}", "output=out") == 0
+    said = capsys.readouterr()
+    for name in ("bits", "colours", "missing", "size", "cut"):
+        assert f"skipped {name}: " in said.err
+    assert "Objects of 2 frames: out (5 skipped)" in said.out
+    assert sorted(path.stem for path in (tmp_path / "out").glob("*.json")) == ["scene5", "scene6"]
+    assert command("predict", f"rgb={folder}", f"checkpoint={trained}", "output=strict", "on_error=fail") == 1
