@@ -39,6 +39,11 @@ def test_results_come_in_order(workers: int) -> None:
     assert list(map_in_order(square, indices, workers)) == [index * index for index in indices]
 
 
+@pytest.mark.parametrize("chunk", [1, 7])
+def test_results_come_in_order_whatever_is_handed_over_at_a_time(chunk: int) -> None:
+    assert list(map_in_order(square, range(20), 2, chunk)) == [index * index for index in range(20)]
+
+
 def test_no_indices() -> None:
     assert list(map_in_order(square, [], 2)) == []
 
