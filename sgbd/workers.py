@@ -32,7 +32,7 @@ class WorkerError(RuntimeError):
 
 
 def map_in_order(
-    function: Callable[[int], Result], indices: Sequence[int], workers: int, chunk: int | None = None
+    function: Callable[[int], Result], indices: Sequence[int], workers: int, chunk_size: int | None = None
 ) -> Generator[Result, None, None]:
     """Generate ``function(index)`` for every index, in the order of `indices`, whatever the number of workers.
 
@@ -45,7 +45,7 @@ def map_in_order(
         function: Called in the workers; it must be picklable unless `workers` is 0.
         indices: What to call it with.
         workers: Processes to use; 0 runs in this process.
-        chunk: Indices handed to a worker at a time. None for up to 8: good for short work, where handing over costs;
+        chunk_size: Indices handed to a worker at a time. None for up to 8: good for short work, where handing over costs;
             work of seconds wants 1, so that progress shows and no worker idles at the end.
 
     Yields:
@@ -73,13 +73,13 @@ def map_in_order(
             "module, or use workers=0."
         ) from error
     owner = function if inspect.isroutine(function) else type(function)
-    return _map_in_processes(message, [owner.__module__], indices, min(workers, len(indices)), chunk)
+    return _map_in_processes(message, [owner.__module__], indices, min(workers, len(indices)), chunk_size)
 
 
 def _map_in_processes(
-    message: bytes, modules: list[str], indices: Sequence[int], workers: int, chunk: int | None
+    message: bytes, modules: list[str], indices: Sequence[int], workers: int, chunk_size: int | None
 ) -> Generator[Any, None, None]:
-    size = chunk or max(1, min(8, len(indices) // (4 * workers)))
+    size = chunk_size or max(1, min(8, len(indices) // (4 * workers)))
     chunks = [indices[start : start + size] for start in range(0, len(indices), size)]
     context = _start_method(modules)
     # Without a lock, which a worker that is killed could take with it.

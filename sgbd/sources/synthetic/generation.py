@@ -158,7 +158,7 @@ def _generate_locked(root: Path, recipe: Recipe, workers: int, progress: bool) -
     with tqdm(
         total=total, initial=total - sum(views), desc="generating frames", unit="frame", disable=not progress
     ) as bar:
-        scenes = map_in_order(partial(_write_task, root, recipe, tasks), range(len(tasks)), workers, chunk=1)
+        scenes = map_in_order(partial(_write_task, root, recipe, tasks), range(len(tasks)), workers, chunk_size=1)
         for count, _ in zip(views, scenes, strict=True):
             bar.update(count)
     for split, name in LISTS.items():
