@@ -45,8 +45,8 @@ def map_in_order(
         function: Called in the workers; it must be picklable unless `workers` is 0.
         indices: What to call it with.
         workers: Processes to use; 0 runs in this process.
-        chunk_size: Indices handed to a worker at a time. None for up to 8: good for short work, where handing over costs;
-            work of seconds wants 1, so that progress shows and no worker idles at the end.
+        chunk_size: Indices handed to a worker at a time. None for up to 8: good for short work, where handing over
+            costs; work of seconds wants 1, so that progress shows and no worker idles at the end.
 
     Yields:
         The results, one an index.
