@@ -51,6 +51,24 @@ def test_widths(name: str, hidden: tuple[int, ...]) -> None:
     assert [layer.out_channels for layer in model.mlp.lins] == [*hidden, 1]
 
 
+@pytest.mark.parametrize("name", ["mlp", "mlp_reference", "mlp_paper_text"])
+@pytest.mark.parametrize("pairs", [0, 1, 700])
+def test_evaluation_gives_what_the_layers_give_one_by_one(name: str, pairs: int) -> None:
+    torch.manual_seed(0)
+    model = shipped(name, 3, 2)
+    for norm in model.mlp.norms:
+        # Moments as after training, not those of a new layer, which change nothing.
+        torch.nn.init.normal_(norm.module.running_mean)
+        torch.nn.init.uniform_(norm.module.running_var, 0.5, 2.0)
+        torch.nn.init.normal_(norm.module.weight)
+        torch.nn.init.normal_(norm.module.bias)
+    model.eval()
+    source, target, edge = torch.randn(pairs, 3), torch.randn(pairs, 3), torch.randn(pairs, 2)
+    expected = model.mlp(torch.cat([source, target, edge], dim=1)).squeeze(1)
+    torch.testing.assert_close(model.score(source, target, edge), expected, rtol=1e-4, atol=1e-4)
+    assert expected.shape == (pairs,)
+
+
 @pytest.mark.parametrize("name", ["gated_gcn", "attention"])
 def test_message_passing_models_are_as_large_as_the_mlp(name: str) -> None:
     assert 90_000 < parameters(shipped(name, 18, 11)) < 110_000
