@@ -16,6 +16,7 @@ from sgbd.adjacency import Adjacency, LabelMap, Pairs, border_pairs
 from sgbd.features import EDGE_NAMES, NODE_NAMES, Geometry, edge_features, node_features, sums_of_pairs
 from sgbd.frame import IGNORE, Frame
 from sgbd.label_map import pack
+from sgbd.majority import majority_instance
 from sgbd.regions import PAIRS, border_sums, region_sums
 
 MERGE, CUT, UNKNOWN = 1.0, 0.0, -1.0
@@ -168,27 +169,6 @@ def overlap_table(
     counts = np.bincount(keys)
     present = np.nonzero(counts)[0]
     return present // width, present % width, counts[present].astype(np.int64)
-
-
-def majority_instance(
-    superpixel: npt.NDArray[np.int64], instance: npt.NDArray[np.int64], count: npt.NDArray[np.int64], nodes: int
-) -> npt.NDArray[np.int64]:
-    """Return the instance with most pixels in each superpixel.
-
-    Args:
-        superpixel: int64 [M], see `overlap_table`.
-        instance: int64 [M].
-        count: int64 [M].
-        nodes: Number of superpixels.
-
-    Returns:
-        int64 [N]; of several instances with as many pixels the smallest id; -1 for a superpixel of ignored pixels.
-    """
-    majority = np.full(nodes, IGNORE, np.int64)
-    order = np.lexsort((-instance, count, superpixel))
-    # Of the assignments to one superpixel the last stays: the largest count, the smallest id.
-    majority[superpixel[order]] = instance[order]
-    return majority
 
 
 def edge_positions(edge_index: Tensor, pairs: Tensor, num_nodes: int) -> Tensor:

@@ -11,6 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sgbd.frame import BACKGROUND, IGNORE
+from sgbd.majority import majority_instance
 from sgbd.metrics.contingency import ContingencyTable
 
 
@@ -35,12 +37,8 @@ def oracle_segments(
     """
     superpixel, instance, count = np.asarray(superpixel), np.asarray(instance), np.asarray(count)
     known = instance >= 0
-    superpixel, instance, count = superpixel[known], instance[known], count[known]
-    # The last entry that is written for a superpixel stays: the most pixels, then the lowest label.
-    order = np.lexsort((-instance.astype(np.int64), count))
-    segments = np.zeros(num_superpixels, dtype=np.int64)
-    segments[superpixel[order]] = instance[order]
-    return segments
+    majority = majority_instance(superpixel[known], instance[known], count[known], num_superpixels)
+    return np.where(majority == IGNORE, BACKGROUND, majority)
 
 
 def oracle_table(
