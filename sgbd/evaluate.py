@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hydra.utils import instantiate
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 
 from sgbd.checkpoint import Checkpoint, find_checkpoint
 from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
@@ -44,6 +44,8 @@ def main(config: DictConfig) -> None:
     evaluate = Evaluator(segmenter.partition, segmenter.rule, boundaries=config.boundaries)
     evaluation = evaluate(dataset, segmenter.model, segmenter.objectness, progress=True)
     out = output_folder()
+    # What was scored on what, for whoever finds the folder.
+    OmegaConf.save(config, out / "config.yaml")
     write_evaluation(evaluation, out)
     draw_examples(example_frames(evaluation, config.pictures), evaluation, source, segmenter, out)
     # Which ones, and why, the preparation has said.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,8 +77,10 @@ class Evaluation:
               `oracle_seen`, `oracle_unseen`, `oracle_hm` for the best partition. Absent if the dataset does not tell
               seen from unseen categories.
             - `edges`, `regions`: precision, recall and F of the cuts; adapted Rand error and variation of information.
-        frames: One row a frame, indexed by name.
-        categories: One row a category, indexed by its name; empty without categories.
+        frames: One row a frame, indexed by name. Columns without a prefix are of `all`, those with `unaided_` and
+            `oracle_` of these; `seen_` and `unseen_` are means over the frame's categories.
+        categories: One row a category, indexed by its name; empty without categories. The column `seen` tells seen from
+            unseen ones, if the dataset does.
     """
 
     scores: dict[str, float]
@@ -235,13 +237,28 @@ def _evaluation(scored: Sequence[GraphScores], dataset: SuperpixelGraphDataset) 
         table = frame_table(own)
         frames = frames.join(table[[name for name in SHORT_NAMES if name in table]].add_prefix("unaided_"))
     if dataset.seen:
+        frames = frames.join(_seen_and_unseen_of_frames(scored, dataset.seen).set_index(frames.index))
         for prefix, by_category in (
             ("", [frame.by_category for frame in scored]),
             ("oracle_", [frame.oracle_by_category for frame in scored]),
         ):
             for group, row in seen_and_unseen(by_category, dataset.seen).iterrows():
                 add(prefix + GROUPS[str(group)], SHORT_NAMES, {str(name): float(value) for name, value in row.items()})
-    return Evaluation(scores, frames, category_table([frame.by_category for frame in scored]))
+    categories = category_table([frame.by_category for frame in scored])
+    if dataset.seen:
+        categories["seen"] = [name in dataset.seen for name in categories.index]
+    return Evaluation(scores, frames, categories)
+
+
+def _seen_and_unseen_of_frames(scored: Sequence[GraphScores], seen: Collection[str]) -> pd.DataFrame:
+    """Return each frame's mean F over its seen and over its unseen categories; NaN where it shows none of them."""
+    rows = []
+    for frame in scored:
+        groups: dict[bool, list[float]] = {True: [], False: []}
+        for category, score in frame.by_category.scores.items():
+            groups[category in seen].append(score.overlap_f_measure)
+        rows.append([np.mean(groups[key]) if groups[key] else math.nan for key in (True, False)])
+    return pd.DataFrame(rows, columns=["seen_overlap_f_measure", "unseen_overlap_f_measure"])
 
 
 def with_truth(dataset: SuperpixelGraphDataset, on_error: str = "skip") -> SuperpixelGraphDataset:

@@ -40,9 +40,9 @@ def segmentation_figure(frame: Frame, segmentation: Segmentation, title: str = "
     picture = panels[1].imshow(depth, cmap="viridis", vmax=np.nanpercentile(depth, 98))
     panels[1].set_title("depth (blank: missing)")
     figure.colorbar(picture, ax=panels[1], label="metres", fraction=0.04, pad=0.01)
-    panels[2].imshow(_with_boundaries(frame.rgb, segmentation.superpixels))
+    panels[2].imshow(with_boundaries(frame.rgb, segmentation.superpixels))
     panels[2].set_title(f"{int(segmentation.superpixels.max()) + 1} superpixels")
-    _draw_edges(panels[3], frame, segmentation)
+    draw_edges(panels[3], frame, segmentation)
     figure.colorbar(
         ScalarMappable(Normalize(0, 1), "RdYlGn"), ax=panels[3], label="merge probability", fraction=0.04, pad=0.01
     )
@@ -57,13 +57,29 @@ def segmentation_figure(frame: Frame, segmentation: Segmentation, title: str = "
     return figure
 
 
-def _with_boundaries(rgb: npt.NDArray[np.uint8], label_map: npt.NDArray[np.int32]) -> npt.NDArray[np.uint8]:
+def with_boundaries(rgb: npt.NDArray[np.uint8], label_map: npt.NDArray[np.int32]) -> npt.NDArray[np.uint8]:
+    """Draw the borders of superpixels over a picture.
+
+    Args:
+        rgb: uint8 [H, W, 3].
+        label_map: int32 [H, W].
+
+    Returns:
+        uint8 [H, W, 3].
+    """
     picture = rgb.copy()
     picture[find_boundaries(label_map, mode="inner", connectivity=1)] = (255, 220, 0)
     return picture
 
 
-def _draw_edges(panel: Axes, frame: Frame, segmentation: Segmentation) -> None:
+def draw_edges(panel: Axes, frame: Frame, segmentation: Segmentation) -> None:
+    """Draw the edges between the centres of superpixels, from red (cut) over yellow to green (merge).
+
+    Args:
+        panel: Where to.
+        frame: The frame, drawn darkened below the edges.
+        segmentation: Its segmentation.
+    """
     flat = segmentation.superpixels.ravel()
     rows, columns = np.divmod(np.arange(flat.size), frame.width)
     count = np.bincount(flat)

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from sgbd.atomic_file import write_whole
 from sgbd.evaluation import Evaluation, score_table
 from sgbd.plot import segmentation_figure
+from sgbd.reporting.panels import GALLERY_FOLDER, write_index, write_panels
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameSource
 
@@ -60,7 +61,7 @@ def example_frames(evaluation: Evaluation, count: int) -> list[str]:
 def draw_examples(
     names: Sequence[str], evaluation: Evaluation, source: FrameSource, segmenter: Segmenter, folder: Path
 ) -> list[Path]:
-    """Draw frames with their superpixels, edges, prediction and truth into `pictures/`.
+    """Draw frames with their superpixels, edges, prediction and truth into `pictures/`, and one by one into `gallery/`.
 
     Args:
         names: Frames of the evaluation.
@@ -73,7 +74,7 @@ def draw_examples(
         The files.
     """
     index = {name: place for place, name in enumerate(source.names)}
-    pictures = []
+    pictures, shown = [], []
     for rank, name in enumerate(names):
         frame = source[index[name]]
         row = evaluation.frames.loc[name]
@@ -82,8 +83,13 @@ def draw_examples(
             title += f", {100 * row['unaided_overlap_f_measure']:.1f} unaided, as drawn"
         if "oracle_overlap_f_measure" in row:
             title += f" (best partition of these superpixels {100 * row['oracle_overlap_f_measure']:.1f})"
-        figure = segmentation_figure(frame, segmenter.segment_frame(frame), title)
-        pictures.append(write_figure(figure, folder / "pictures" / f"{rank + 1}_{name.replace('/', '_')}.png"))
+        segmentation = segmenter.segment_frame(frame)
+        figure = segmentation_figure(frame, segmentation, title)
+        stem = f"{rank + 1}_{name.replace('/', '_')}"
+        pictures.append(write_figure(figure, folder / "pictures" / f"{stem}.png"))
+        shown.append(write_panels(frame, segmentation, source.seen, folder / GALLERY_FOLDER, stem))
+    if shown:
+        write_index(shown, folder / GALLERY_FOLDER)
     return pictures
 
 

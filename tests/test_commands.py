@@ -105,6 +105,7 @@ def test_hard_frames_go_through_every_command(
     evaluated = ("dataset=folder", f"dataset.root={frames}", "checkpoint=trained", "workers=0", "pictures=1")
     assert command("evaluate", *evaluated, "hydra.run.dir=evaluated") == 0
     assert json.loads((tmp_path / "evaluated" / "scores.json").read_text()) == result["scores"]
+    assert f"root: {frames}" in (tmp_path / "evaluated" / "config.yaml").read_text()
     assert command("predict", f"rgb={frames / 'test'}", "checkpoint=trained", "output=predicted") == 0
     assert iio.imread(tmp_path / "predicted" / "one_pixel_labels.png").shape == (1, 1)
     assert len(list((tmp_path / "predicted").glob("*.json"))) == 6

@@ -124,3 +124,14 @@ def test_boundaries_change_no_other_score(graphs: SuperpixelGraphDataset, tmp_pa
     with_boundaries = Evaluator(ConnectedComponents())(graphs, Truth()).scores
     without = Evaluator(ConnectedComponents(), boundaries=False)(graphs, Truth()).scores
     assert without == {name: value for name, value in with_boundaries.items() if "boundary" not in name}
+
+
+def test_frames_and_categories_tell_seen_from_unseen(graphs: SuperpixelGraphDataset) -> None:
+    evaluation = Evaluator(ConnectedComponents(), boundaries=False)(graphs, Truth())
+    assert evaluation.categories["seen"].to_dict() == {"can": True, "mug": True, "bowl": False}
+    # Every frame shows each category once: the mean over frames of the one unseen category is its score.
+    unseen = evaluation.frames["unseen_overlap_f_measure"]
+    assert unseen.mean() == pytest.approx(evaluation.scores["unseen/overlap_f"])
+    seen = evaluation.frames["seen_overlap_f_measure"]
+    assert seen.mean() == pytest.approx(evaluation.categories["overlap_f_measure"][["can", "mug"]].mean())
+    assert list(evaluation.frames.index) == ["scene8", "scene9", "scene10"]

@@ -11,6 +11,7 @@ from sgbd.adjacency import LabelMap, Pairs, border_pairs
 from sgbd.checkpoint import CheckpointError
 from sgbd.configuration import ConfigurationError, config_folder
 from sgbd.experiment import run_experiment
+from sgbd.reporting.panels import read_index
 from tests.scenes import Scenes, scene
 
 
@@ -48,6 +49,8 @@ def test_what_an_experiment_leaves(tmp_path: Path) -> None:
     assert json.loads((folder / "scores.json").read_text()) == result["scores"]
     assert {"curves.png", "frames.csv", "history.csv", "scores.md"} <= {path.name for path in folder.iterdir()}
     assert len(list((folder / "pictures").glob("*.png"))) == 1
+    (shown,) = read_index(folder / "gallery")
+    assert all((folder / "gallery" / file).is_file() for file in shown.panels.values())
     checkpoint = folder / result["checkpoint"]
     with pytest.raises(CheckpointError, match=r"own_pairs, which is not in sgbd"):
         Segmenter.load(checkpoint)
