@@ -2,41 +2,43 @@
 
 from __future__ import annotations
 
-TOD_SYNSETS: dict[str, str] = {
-    "02747177": "ashcan",
-    "02773838": "bag",
-    "02843684": "birdhouse",
-    "02876657": "bottle",
-    "02880940": "bowl",
-    "02942699": "camera",
-    "02946921": "can",
-    "02954340": "cap",
-    "02992529": "cellular_telephone",
-    "03046257": "clock",
-    "03085013": "computer_keyboard",
-    "03207941": "dishwasher",
-    "03211117": "display",
-    "03513137": "helmet",
-    "03593526": "jar",
-    "03624134": "knife",
-    "03642806": "laptop",
-    "03691459": "loudspeaker",
-    "03761084": "microwave",
-    "03797390": "mug",
-    "03938244": "pillow",
-    "03991062": "pot",
-    "04004475": "printer",
-    "04401088": "telephone",
-    "04554684": "washer",
-}
-"""ShapeNetCore's WordNet synset of each category: the folder that an object's mesh lies in."""
+from sgbd.sources.shapenet import SHAPENET_SYNSETS
 
-TOD_CATEGORIES: tuple[str, ...] = tuple(TOD_SYNSETS.values())
+TOD_CATEGORIES: tuple[str, ...] = (
+    "ashcan",
+    "bag",
+    "birdhouse",
+    "bottle",
+    "bowl",
+    "camera",
+    "can",
+    "cap",
+    "cellular_telephone",
+    "clock",
+    "computer_keyboard",
+    "dishwasher",
+    "display",
+    "helmet",
+    "jar",
+    "knife",
+    "laptop",
+    "loudspeaker",
+    "microwave",
+    "mug",
+    "pillow",
+    "pot",
+    "printer",
+    "telephone",
+    "washer",
+)
 """Category names in the order of their ids: the first has id 1 in a semantic mask, the last 25.
 
 Neither the dataset nor the paper publishes the numbering of the semantic masks. This is the order of the synsets, which
 is also alphabetical; `sgbd.sources.Tod(category_names=...)` takes another one.
 """
+
+TOD_SYNSETS: dict[str, str] = {synset: name for synset, name in SHAPENET_SYNSETS.items() if name in TOD_CATEGORIES}
+"""ShapeNetCore's WordNet synset of each category: the folder that an object's mesh lies in."""
 
 TABLE_CATEGORY = len(TOD_CATEGORIES) + 1
 """Id of the table in a semantic mask, 26; 0 is background."""

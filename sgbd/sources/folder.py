@@ -14,6 +14,7 @@ from sgbd.sources.camera import intrinsics_from
 from sgbd.sources.errors import DatasetNotFoundError, FrameReadError
 from sgbd.sources.image import IMAGE_SUFFIXES, read_depth, read_labels, read_rgb
 from sgbd.sources.label_rule import MOSD, LabelRule, detect_label_rule
+from sgbd.sources.notices import info_once
 from sgbd.sources.source import FrameSource
 
 log = logging.getLogger(__name__)
@@ -106,7 +107,8 @@ root may hold train/, val/ and test/, each of this layout.
             pair for frame in labelled[::step] if (pair := _labels_and_depth(frame, self.depth_scale)) is not None
         )
         if labelled:
-            log.info(
+            info_once(
+                log,
                 "%s: labels are read as %s (%s); the dataset's `labels` option overrides it",
                 self.root,
                 rule,
@@ -169,7 +171,9 @@ root may hold train/, val/ and test/, each of this layout.
         if len(without_depth) == len(found["rgb"]):
             raise self._not_found(f"none of the {len(without_depth)} colour images in {folder} has a depth image")
         if self.intrinsics is None:
-            log.info("%s: the camera is unknown, a horizontal view of 59° is assumed (option: intrinsics)", self.root)
+            info_once(
+                log, "%s: the camera is unknown, a horizontal view of 59° is assumed (option: intrinsics)", self.root
+            )
         # One missing depth image is that frame's error: reading it says so, and the rest can be used.
         return tuple(
             _Files(name, rgb, found["depth"].get(name, _depth_path(rgb)), found["labels"].get(name))

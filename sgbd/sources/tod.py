@@ -16,11 +16,13 @@ import numpy as np
 import numpy.typing as npt
 from tqdm import tqdm
 
-from sgbd.frame import BACKGROUND, SUPPORT, Frame, FrameError, Intrinsics
+from sgbd.frame import BACKGROUND, IGNORE, SUPPORT, Frame, FrameError, Intrinsics
 from sgbd.sources.camera import intrinsics_from, intrinsics_from_view
-from sgbd.sources.categories import TOD_CATEGORIES, TOD_SYNSETS, TODZ_SEEN
+from sgbd.sources.categories import TOD_CATEGORIES, TODZ_SEEN
 from sgbd.sources.errors import DatasetNotFoundError, FrameReadError
 from sgbd.sources.image import read_depth, read_labels, read_rgb
+from sgbd.sources.notices import info_once
+from sgbd.sources.shapenet import SHAPENET_SYNSETS
 from sgbd.sources.source import FrameSource
 
 log = logging.getLogger(__name__)
@@ -31,7 +33,7 @@ FOLDERS = {"train": "training_set", "val": "validation_set", "test": "test_set"}
 LISTS = {
     "train": ("train.txt", "train_ids.npy"),
     "val": ("val.txt", "val_ids.npy"),
-    "test": ("test.txt", "test_ids.npy", "test_open_ids.npy"),
+    "test": ("test.txt", "test_open.txt", "test_ids.npy", "test_open_ids.npy"),
 }
 """Names of the files that list a split's frames; the first that exists is taken."""
 
@@ -39,12 +41,15 @@ DESCRIPTION = "scene_description.txt"
 VERTICAL_VIEW = 45.0
 """Vertical field of view of TOD's virtual camera, degrees, as in its authors' own loading parameters."""
 
+UNSEEN_OBJECTS = ("keep", "ignore", "leave_out")
+"""What may become of objects of unseen categories in training and validation frames."""
+
 _FRAME_PATH = re.compile(
     r"(?:(?P<folder>training_set|validation_set|test_set)[\\/]+)?"
     r"(?P<scene>scene_\d+)[\\/]+rgb_(?P<view>\d+)(?P<suffix>\.jpeg|\.jpg|\.png)$"
 )
 _RGB_FILE = re.compile(r"rgb_(\d+)(\.jpeg|\.jpg|\.png)")
-_SYNSET = re.compile(r"(?<!\d)(" + "|".join(TOD_SYNSETS) + r")(?!\d)")
+_SYNSET = re.compile(r"(?<!\d)(" + "|".join(SHAPENET_SYNSETS) + r")(?!\d)")
 
 
 class _View(NamedTuple):
@@ -56,6 +61,22 @@ class _View(NamedTuple):
     @property
     def name(self) -> str:
         return f"{self.scene}/{self.number}"
+
+
+class VisibleObject(NamedTuple):
+    """An object as one frame shows it.
+
+    Attributes:
+        instance: Its id in the segmentation.
+        pixels: Its visible pixels.
+        category: Name of its category, if that is known.
+        synset: Name of its mesh's ShapeNetCore category, if the scene's description was what was asked for it.
+    """
+
+    instance: int
+    pixels: int
+    category: str | None
+    synset: str | None = None
 
 
 class Tod(FrameSource):
@@ -76,7 +97,12 @@ class Tod(FrameSource):
     a split is its folder, less the views 0 and 1, which show the room and the empty table.
 
     An object's category is the one of most of its pixels in `semseg`; where that file is missing, the ShapeNet synset
-    of the object's mesh in the scene's description; else it has none.
+    of the object's mesh in the scene's description (object k has the id k + 2); else it has none.
+    `python -m sgbd.semantic_masks` writes the missing masks.
+
+    Studies of fewer or other categories need no copies of the data: `seen` says which categories count as seen,
+    `unseen_objects` what becomes of the others in training and validation frames, `max_train_frames` how many frames
+    are trained on. Test frames are always read whole.
 
     The camera is `intrinsics`, or else `intrinsics` (fx, fy, cx, cy in pixels) in the scene's description, or else
     TOD's own: 45° of vertical view.
@@ -86,21 +112,30 @@ class Tod(FrameSource):
     How to get it: TOD is linked from https://github.com/chrisdxie/uois, the lists of TOD-Z from
     https://github.com/evinpinar/supergb-d. C. Xie, Y. Xiang, A. Mousavian, D. Fox, "Unseen object instance
     segmentation for robotic environments", IEEE T-RO 37(5), 2021, doi:10.1109/TRO.2021.3060341. TOD-Z: E. P. Örnek et
-    al., "SupeRGB-D", IEEE RA-L 8(6), 2023, doi:10.1109/LRA.2023.3271527.
+    al., "SupeRGB-D", IEEE RA-L 8(6), 2023, doi:10.1109/LRA.2023.3271527. Licence: as stated where it is downloaded; the
+    meshes are ShapeNet's, for non-commercial research and education (https://shapenet.org/terms).
 
     Args:
         root: Folder that holds `training_set`, `test_set` and, if there are any, the lists.
         split: "train", "val" or "test".
         lists: Where the lists are: a folder, or a mapping from split to file; None for `root`.
-        seen: Categories that training frames hold; None if there is no such division.
+        seen: Categories that count as seen, those that are trained on; None if there is no such division.
         category_names: Name of category 1, 2, ... in `semseg`; the id after the last is the table's.
         intrinsics: Camera of all frames, overriding the scenes' own.
         first_view: Where folders are the splits, views with a smaller number are left out.
-        min_objects: Frames with fewer objects are left out as near-empty; 0 keeps all and reads no image for it.
+        min_objects: Frames with fewer objects are left out as near-empty, and ignored objects do not count; 0 keeps all
+            and reads no image for it.
         min_object_pixels: An object counts for `min_objects` if it has as many visible pixels.
+        unseen_objects: What becomes of objects that are of no seen category in training and validation frames: "keep"
+            them; "ignore" them, so that their pixels become -1 and count for nothing; or "leave_out" the frames that
+            show a pixel of one. An object of unknown category is of no seen one.
+        max_train_frames: At most as many training frames, drawn at random from those that the other rules leave; None
+            for all. With one seed, a smaller number draws some of what a larger one draws.
+        subset_seed: Fixes what `max_train_frames` draws.
 
     Raises:
-        ValueError: If the split is none of the three, or `seen` has a name that is no category.
+        ValueError: If the split is none of the three, `seen` has a name that is no category, or one of the last three
+            options is out of range.
         FrameError: If `intrinsics` are no camera.
     """
 
@@ -132,6 +167,9 @@ root/
         first_view: int = 2,
         min_objects: int = 0,
         min_object_pixels: int = 1,
+        unseen_objects: str = "keep",
+        max_train_frames: int | None = None,
+        subset_seed: int = 0,
     ) -> None:
         if split not in FOLDERS:
             raise ValueError(f"no split {split!r}; choose from {', '.join(FOLDERS)}")
@@ -146,6 +184,17 @@ root/
         self.first_view = first_view
         self.min_objects = min_objects
         self.min_object_pixels = min_object_pixels
+        if unseen_objects not in UNSEEN_OBJECTS:
+            raise ValueError(f"unseen_objects must be one of {', '.join(UNSEEN_OBJECTS)}; got {unseen_objects!r}")
+        if unseen_objects != "keep" and not self.seen:
+            raise ValueError(f"unseen_objects={unseen_objects} needs the categories that are seen: set `seen`")
+        if max_train_frames is not None and max_train_frames < 1:
+            raise ValueError(f"max_train_frames must be at least 1, or null for all; got {max_train_frames}")
+        if subset_seed < 0:
+            raise ValueError(f"subset_seed must not be negative; got {subset_seed}")
+        self.unseen_objects = unseen_objects
+        self.max_train_frames = max_train_frames
+        self.subset_seed = subset_seed
         self._list_location: Path | dict[str, Path]
         if isinstance(lists, Mapping):
             self._list_location = {key: Path(value).expanduser() for key, value in lists.items()}
@@ -167,11 +216,12 @@ root/
 
     @property
     def filtered(self) -> Mapping[str, int]:
-        """How many frames of the split were left out: `background_views` and `near_empty`."""
-        return {
-            "background_views": self._candidates[1],
-            "near_empty": len(self._candidates[0]) - len(self._views),
-        }
+        """How many views of the split were left out, by the rule that did.
+
+        `background_views` (before `first_view`), `near_empty` (`min_objects`), `unseen_objects` and `not_drawn`
+        (`max_train_frames`).
+        """
+        return {"background_views": self._candidates[1], **self._chosen[1]}
 
     def files(self, index: int) -> tuple[Path, ...]:
         """Return colour, depth, segmentation, semantic mask and scene description of a frame; the last two may lack."""
@@ -185,6 +235,9 @@ root/
             "min_objects": self.min_objects,
             "min_object_pixels": self.min_object_pixels,
             "first_view": self.first_view,
+            "unseen_objects": self.unseen_objects,
+            "max_train_frames": self.max_train_frames,
+            "subset_seed": self.subset_seed,
             "lists": {split: os.path.relpath(path, self.root) for split, path in self._lists.items()},
         }
 
@@ -196,22 +249,31 @@ root/
             FrameError: If the images differ in size or hold no depth.
         """
         view = self._views[index]
-        rgb_path, depth_path, segmentation_path, semseg_path, description_path = self._files(view)
+        rgb_path, depth_path, _, _, description_path = self._files(view)
         rgb = read_rgb(rgb_path)
         description = _read_description(description_path)
-        instances = read_labels(segmentation_path)
-        if semseg_path.exists():
-            categories = self._categories_of_pixels(instances, read_labels(semseg_path), semseg_path)
-        else:
-            categories = self._categories_of_meshes(instances, description)
+        instances, objects = self._truth(view, description)
+        if self._filters_unseen and self.unseen_objects == "ignore":
+            ignored = [item.instance for item in objects if item.category not in self.seen]
+            objects = [item for item in objects if item.category in self.seen]
+            instances = np.where(np.isin(instances, ignored), np.int32(IGNORE), instances)
         return Frame(
             rgb=rgb,
             depth=read_depth(depth_path),
             intrinsics=self._camera(rgb.shape[1], rgb.shape[0], description, description_path),
             instances=instances,
-            categories=categories,
+            categories={item.instance: item.category for item in objects if item.category is not None},
             name=view.name,
         )
+
+    def objects(self, index: int) -> list[VisibleObject]:
+        """Return the objects that a frame shows, before `unseen_objects`; colours and depth are not read.
+
+        Raises:
+            FrameReadError: If a file is missing, damaged, or has an unknown category.
+        """
+        view = self._views[index]
+        return self._truth(view, _read_description(self._files(view)[4]))[1]
 
     def _fingerprinted(self) -> Iterator[tuple[str, tuple[Path, ...]]]:
         # The rule against near-empty frames is among the options, so that a fingerprint needs no image.
@@ -296,50 +358,100 @@ root/
                     background += 1
         return tuple(views), background
 
-    @cached_property
+    @property
     def _views(self) -> tuple[_View, ...]:
         """The frames of the split."""
-        candidates = self._candidates[0]
-        if self.min_objects <= 0:
-            return candidates
-        # Decoding releases the interpreter's lock, so that threads suffice.
-        with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
-            enough = list(
-                tqdm(
-                    pool.map(self._has_enough_objects, candidates),
-                    total=len(candidates),
-                    desc=f"looking for near-empty frames of {self.split}",
-                    unit="frame",
-                    leave=False,
+        return self._chosen[0]
+
+    @cached_property
+    def _chosen(self) -> tuple[tuple[_View, ...], dict[str, int]]:
+        """The frames of the split, and how many candidates each rule left out."""
+        candidates, background = self._candidates
+        left_out = dict.fromkeys(("near_empty", "unseen_objects", "not_drawn"), 0)
+        views = list(candidates)
+        if self.min_objects > 0 or (self._filters_unseen and self.unseen_objects == "leave_out"):
+            # Decoding releases the interpreter's lock, so that threads suffice.
+            with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
+                verdicts = list(
+                    tqdm(
+                        pool.map(self._why_not, candidates),
+                        total=len(candidates),
+                        desc=f"choosing frames of {self.split}",
+                        unit="frame",
+                        leave=False,
+                    )
                 )
-            )
-        views = tuple(view for view, keep in zip(candidates, enough, strict=True) if keep)
-        log.info(
-            "%s: left out %d of %d frames with fewer than %d objects of %d pixels",
-            self.split,
-            len(candidates) - len(views),
-            len(candidates),
-            self.min_objects,
-            self.min_object_pixels,
-        )
+            views = [view for view, verdict in zip(candidates, verdicts, strict=True) if verdict is None]
+            for verdict in filter(None, verdicts):
+                left_out[verdict] += 1
         if not views:
             raise self._not_found(
-                f"all {len(candidates)} frames of split {self.split!r} have fewer than {self.min_objects} objects of "
-                f"{self.min_object_pixels} pixels; lower min_objects or min_object_pixels"
+                f"none of the {len(candidates)} frames of split {self.split!r} is left: "
+                f"{left_out['near_empty']} have fewer than {self.min_objects} objects of {self.min_object_pixels} "
+                f"pixels (min_objects, min_object_pixels), {left_out['unseen_objects']} show objects of unseen "
+                "categories (unseen_objects)"
             )
-        return views
+        if self.split == "train" and self.max_train_frames is not None:
+            drawn = np.random.default_rng(self.subset_seed).permutation(len(views))[: self.max_train_frames]
+            left_out["not_drawn"] = len(views) - len(drawn)
+            views = [views[place] for place in sorted(drawn)]
+        if background or any(left_out.values()):
+            info_once(
+                log,
+                "%s, %s: %d frames; left out: %d views before number %d, %d with fewer than %d objects of %d pixels, "
+                "%d with unseen objects, %d not drawn",
+                self.root,
+                self.split,
+                len(views),
+                background,
+                self.first_view,
+                left_out["near_empty"],
+                self.min_objects,
+                self.min_object_pixels,
+                left_out["unseen_objects"],
+                left_out["not_drawn"],
+            )
+        return tuple(views), left_out
 
     @cached_property
     def _names(self) -> tuple[str, ...]:
         return tuple(view.name for view in self._views)
 
-    def _has_enough_objects(self, view: _View) -> bool:
+    @property
+    def _filters_unseen(self) -> bool:
+        return self.unseen_objects != "keep" and self.split != "test"
+
+    def _why_not(self, view: _View) -> str | None:
+        """Return the rule that leaves a candidate out, or None."""
         try:
-            labels = read_labels(self._files(view)[2])
+            if self._filters_unseen:
+                _, objects = self._truth(view, _read_description(self._files(view)[4]))
+                seen = [item.pixels for item in objects if item.category in self.seen]
+                if self.unseen_objects == "leave_out" and len(seen) < len(objects):
+                    return "unseen_objects"
+                pixels = np.array(seen, dtype=int)
+            else:
+                pixels = np.bincount(read_labels(self._files(view)[2]).ravel())[SUPPORT + 1 :]
         except FrameReadError:
-            return True  # kept, so that reading the frame reports it
-        pixels = np.bincount(labels.ravel())[SUPPORT + 1 :]
-        return int(np.count_nonzero(pixels >= max(1, self.min_object_pixels))) >= self.min_objects
+            return None  # kept, so that reading the frame reports it
+        enough = np.count_nonzero(pixels >= max(1, self.min_object_pixels)) >= self.min_objects
+        return None if enough else "near_empty"
+
+    def _truth(self, view: _View, description: Mapping[str, Any]) -> tuple[npt.NDArray[np.int32], list[VisibleObject]]:
+        """Return the segmentation of a view, and the objects in it."""
+        _, _, segmentation_path, semseg_path, _ = self._files(view)
+        instances = read_labels(segmentation_path)
+        pixels = np.bincount(instances.ravel())
+        visible = SUPPORT + 1 + np.flatnonzero(pixels[SUPPORT + 1 :])
+        if semseg_path.exists():
+            categories = self._categories_of_pixels(instances, read_labels(semseg_path), semseg_path)
+            synsets: dict[int, str] = {}
+        else:
+            synsets = _synsets_of_meshes(visible.tolist(), description)
+            categories = {key: name for key, name in synsets.items() if name in self.category_names}
+        return instances, [
+            VisibleObject(key, int(pixels[key]), categories.get(key), synsets.get(key)) for key in visible.tolist()
+        ]
 
     def _categories_of_pixels(
         self, instances: npt.NDArray[np.int32], semseg: npt.NDArray[np.int32], path: Path
@@ -361,24 +473,25 @@ root/
         named = np.flatnonzero(votes.any(axis=1) & (winners != BACKGROUND) & (winners != table))
         return {int(identity): self.category_names[winners[identity] - 1] for identity in named}
 
-    def _categories_of_meshes(self, instances: npt.NDArray[np.int32], description: Mapping[str, Any]) -> dict[int, str]:
-        """Return the category of each visible object k from the mesh of the description's object k - 2."""
-        objects = description.get("object_descriptions", [])
-        visible = np.flatnonzero(np.bincount(instances.ravel())[SUPPORT + 1 :])
-        categories = {}
-        for position in visible.tolist():
-            mesh = objects[position].get("mesh_filename", "") if position < len(objects) else ""
-            match = _SYNSET.search(mesh)
-            if match and TOD_SYNSETS[match[1]] in self.category_names:
-                categories[position + SUPPORT + 1] = TOD_SYNSETS[match[1]]
-        return categories
-
     def _camera(self, width: int, height: int, description: Mapping[str, Any], path: Path) -> Intrinsics:
         try:
             camera = self.intrinsics or intrinsics_from(description.get("intrinsics"))
         except FrameError as error:
             raise FrameReadError(path, str(error)) from error
         return camera or intrinsics_from_view(width, height, VERTICAL_VIEW)
+
+
+def _synsets_of_meshes(visible: Iterable[int], description: Mapping[str, Any]) -> dict[int, str]:
+    """Return the ShapeNetCore category of each visible object k from the mesh of the description's object k - 2."""
+    objects = description.get("object_descriptions", [])
+    synsets = {}
+    for instance in visible:
+        position = instance - SUPPORT - 1
+        mesh = objects[position].get("mesh_filename", "") if position < len(objects) else ""
+        match = _SYNSET.search(mesh)
+        if match:
+            synsets[instance] = SHAPENET_SYNSETS[match[1]]
+    return synsets
 
 
 def _read_description(path: Path) -> Mapping[str, Any]:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from sgbd.sources.categories import TABLE_CATEGORY, TOD_CATEGORIES, TOD_GROUPS, TOD_SYNSETS, TODZ_SEEN, TODZ_UNSEEN
+from sgbd.sources.shapenet import SHAPENET_SYNSETS
 
 
 def test_there_are_25_categories_and_the_table_comes_after_them() -> None:
@@ -11,7 +12,15 @@ def test_there_are_25_categories_and_the_table_comes_after_them() -> None:
 def test_the_order_is_that_of_the_synsets_and_of_the_names() -> None:
     assert list(TOD_SYNSETS) == sorted(TOD_SYNSETS)
     assert list(TOD_CATEGORIES) == sorted(TOD_CATEGORIES)
-    assert all(len(synset) == 8 for synset in TOD_SYNSETS)
+    assert tuple(TOD_SYNSETS.values()) == TOD_CATEGORIES
+    assert (TOD_SYNSETS["03797390"], TOD_SYNSETS["02747177"], TOD_SYNSETS["04401088"]) == ("mug", "ashcan", "telephone")
+
+
+def test_shapenet_core_has_55_categories() -> None:
+    assert len(SHAPENET_SYNSETS) == len(set(SHAPENET_SYNSETS.values())) == 55
+    assert list(SHAPENET_SYNSETS) == sorted(SHAPENET_SYNSETS)
+    assert list(SHAPENET_SYNSETS.values()) == sorted(SHAPENET_SYNSETS.values())
+    assert all(len(synset) == 8 and synset.isdigit() for synset in SHAPENET_SYNSETS)
 
 
 def test_seen_and_unseen_divide_the_categories_as_in_the_paper() -> None:

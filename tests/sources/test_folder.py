@@ -227,6 +227,20 @@ def test_detection_is_done_once_and_sent_along(tmp_path: Path, caplog: pytest.Lo
     assert not caplog.records
 
 
+def test_notices_about_a_folder_are_said_once_for_all_its_splits(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    for split in ("train", "val", "test"):
+        write_triple(tmp_path / split, "a", [[0, 1], [2, 3]])
+    with caplog.at_level(logging.INFO):
+        for split in ("train", "val", "test", "test"):
+            Folder(tmp_path, split).fingerprint()
+    messages = [record.getMessage() for record in caplog.records]
+    assert len(messages) == 2
+    assert sum("camera is unknown" in message for message in messages) == 1
+    assert sum("labels are read as" in message for message in messages) == 1
+
+
 def test_plot_without_truth_has_two_panels(tmp_path: Path) -> None:
     write_triple(tmp_path, "a")
     titles = [axis.get_title() for axis in Folder(tmp_path).plot(0).axes]

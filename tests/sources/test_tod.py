@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import pickle
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +19,7 @@ from PIL import Image
 
 from sgbd.frame import FrameError, Intrinsics
 from sgbd.sources import TOD_CATEGORIES, TODZ_SEEN, DatasetNotFoundError, FrameReadError, Tod
+from sgbd.sources.tod import VisibleObject
 
 SIZE = (12, 16)
 MUG = 1 + TOD_CATEGORIES.index("mug")
@@ -75,7 +79,7 @@ def test_folders_are_the_splits_and_views_without_objects_are_left_out(root: Pat
         "training_set/scene_00007/00003",
     )
     assert test.names == ("test_set/scene_00000/00002", "test_set/scene_00000/00003")
-    assert train.filtered == {"background_views": 4, "near_empty": 0}
+    assert train.filtered == {"background_views": 4, "near_empty": 0, "unseen_objects": 0, "not_drawn": 0}
     assert len(Tod(root, "test", first_view=0)) == 4
 
 
@@ -269,13 +273,14 @@ def test_one_listed_frame_that_is_missing_is_that_frames_error(root: Path) -> No
 
 def test_near_empty_frames_are_left_out_and_counted(root: Path) -> None:
     # View 2 shows two objects, view 3 one; the bowl has 4 pixels.
-    assert Tod(root, "train", min_objects=2).filtered == {"background_views": 4, "near_empty": 2}
+    filtered = Tod(root, "train", min_objects=2).filtered
+    assert (filtered["background_views"], filtered["near_empty"]) == (4, 2)
     assert Tod(root, "train", min_objects=2).names == (
         "training_set/scene_00000/00002",
         "training_set/scene_00007/00002",
     )
     assert len(Tod(root, "train", min_objects=1, min_object_pixels=12)) == 4
-    with pytest.raises(DatasetNotFoundError, match=r"all 4 frames .* fewer than 2 objects of 5 pixels; lower"):
+    with pytest.raises(DatasetNotFoundError, match=r"none of the 4 frames .*: 4 have fewer than 2 objects of 5 pixels"):
         len(Tod(root, "train", min_objects=2, min_object_pixels=5))
 
 
@@ -285,6 +290,89 @@ def test_the_rule_against_near_empty_frames_hides_no_broken_file(root: Path) -> 
     assert len(source) == 2
     with pytest.raises(FrameReadError, match=r"segmentation_00003\.png"):
         source[1]
+
+
+def test_what_is_left_out_is_reported_once_with_its_numbers(root: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.INFO):
+        for _ in range(2):
+            len(Tod(root, "train", min_objects=2, min_object_pixels=3))
+    (message,) = [record.getMessage() for record in caplog.records]
+    assert "2 frames; left out: 4 views before number 2, 2 with fewer than 2 objects of 3 pixels" in message
+
+
+def test_frames_with_unseen_objects_can_be_left_out_of_training(root: Path) -> None:
+    # View 2 shows a mug and a bowl, view 3 the mug alone.
+    source = Tod(root, "train", seen=["mug"], unseen_objects="leave_out")
+    assert source.names == ("training_set/scene_00000/00003", "training_set/scene_00007/00003")
+    assert source.filtered["unseen_objects"] == 2
+    assert len(Tod(root, "test", seen=["mug"], unseen_objects="leave_out")) == 2, "test frames are all kept"
+    with pytest.raises(DatasetNotFoundError, match=r"4 show objects of unseen categories \(unseen_objects\)"):
+        len(Tod(root, "train", seen=["bowl"], unseen_objects="leave_out"))
+
+
+def test_unseen_objects_can_be_ignored_in_training(root: Path) -> None:
+    segmentation, _ = masks()
+    plain, ignoring = (Tod(root, "train", seen=["mug"], unseen_objects=rule)[0] for rule in ("keep", "ignore"))
+    assert plain.instances is not None
+    assert ignoring.instances is not None
+    assert np.array_equal(plain.instances, segmentation)
+    assert np.array_equal(ignoring.instances, np.where(segmentation == 3, -1, segmentation.astype(int)))
+    assert ignoring.categories == {2: "mug"}
+    tested = Tod(root, "test", seen=["mug"], unseen_objects="ignore")[0]
+    assert tested.categories == {2: "mug", 3: "bowl"}
+    assert len(Tod(root, "train", seen=["mug"], unseen_objects="ignore")) == 4
+    # Of each scene, view 2 shows one bowl, view 3 none.
+    assert len(Tod(root, "train", seen=["bowl"], unseen_objects="ignore", min_objects=1)) == 2
+
+
+def test_an_object_of_unknown_category_is_unseen(root: Path) -> None:
+    for path in (root / "training_set").rglob("semseg_*.png"):
+        path.unlink()
+    frame = Tod(root, "train", seen=["mug"], unseen_objects="ignore")[0]
+    assert frame.instances is not None
+    assert set(np.unique(frame.instances).tolist()) == {-1, 0, 1}
+    assert frame.categories == {}
+
+
+def test_a_number_of_training_frames_is_drawn(root: Path) -> None:
+    everything = Tod(root, "train").names
+    drawn = [Tod(root, "train", max_train_frames=count, subset_seed=3).names for count in range(1, 6)]
+    assert [len(names) for names in drawn] == [1, 2, 3, 4, 4]
+    for fewer, more in pairwise(drawn):
+        assert set(fewer) <= set(more), "a smaller number draws some of what a larger one draws"
+    for names in drawn:
+        assert list(names) == [name for name in everything if name in names], "the order is the dataset's"
+    assert len({Tod(root, "train", max_train_frames=1, subset_seed=seed).names for seed in range(20)}) > 1
+    assert Tod(root, "train", max_train_frames=1).filtered["not_drawn"] == 3
+    assert len(Tod(root, "test", max_train_frames=1)) == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"unseen_objects": "drop"}, "keep, ignore, leave_out; got 'drop'"),
+        ({"unseen_objects": "ignore", "seen": None}, "set `seen`"),
+        ({"max_train_frames": 0}, "max_train_frames must be at least 1"),
+        ({"subset_seed": -1}, "subset_seed must not be negative"),
+    ],
+)
+def test_bad_choices_of_frames_are_refused(root: Path, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Tod(root, **options)
+
+
+def test_the_objects_of_a_frame_are_told_without_colours_and_depth(root: Path) -> None:
+    scene = root / "test_set/scene_00000"
+    (scene / "rgb_00002.jpeg").write_bytes(b"")
+    (scene / "depth_00002.png").unlink()
+    assert Tod(root, "test").objects(0) == [VisibleObject(2, 12, "mug"), VisibleObject(3, 4, "bowl")]
+    (scene / "semseg_00002.png").unlink()
+    meshes = ["/03797390/1a2b/model.obj", "/03467517/3c4d/model.obj"]
+    (scene / "scene_description.txt").write_text(
+        json.dumps({"object_descriptions": [{"mesh_filename": mesh} for mesh in meshes]})
+    )
+    expected = [VisibleObject(2, 12, "mug", "mug"), VisibleObject(3, 4, None, "guitar")]
+    assert Tod(root, "test").objects(0) == expected
 
 
 def test_png_colours_are_read_too(root: Path) -> None:
@@ -352,13 +440,16 @@ def test_the_fingerprint_follows_names_files_and_options(root: Path) -> None:
         Tod(root, "test", min_objects=1).fingerprint(),
         Tod(root, "test", intrinsics=camera).fingerprint(),
         Tod(root, "test", seen=["mug"]).fingerprint(),
+        Tod(root, "test", unseen_objects="ignore").fingerprint(),
+        Tod(root, "test", max_train_frames=1).fingerprint(),
+        Tod(root, "test", subset_seed=1).fingerprint(),
     ]
     path = root / "test_set/scene_00000/semseg_00002.png"
     os.utime(path, ns=(0, 12345))
     others.append(Tod(root, "test").fingerprint())
     path.unlink()
     others.append(Tod(root, "test").fingerprint())
-    assert len({first, *others}) == 8
+    assert len({first, *others}) == 11
 
 
 def test_the_fingerprint_does_not_depend_on_the_place(root: Path, tmp_path_factory: pytest.TempPathFactory) -> None:

@@ -32,6 +32,8 @@ class Recipe:
         resolution: Width and height, pixels.
         sensor: `clean` (exact depth) or `kinect` (structured light).
         seed: Fixes every scene; more frames of the same seed begin with the same scenes.
+        train_categories: What the objects of training and validation frames are drawn from; None for TOD-Z's 12 seen
+            categories.
 
     Raises:
         ValueError: On construction, if a value is out of range.
@@ -45,6 +47,7 @@ class Recipe:
     resolution: tuple[int, int]
     sensor: str
     seed: int
+    train_categories: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -64,6 +67,12 @@ class Recipe:
             raise ValueError(f"resolution must lie between 64 and 2048 pixels a side; got {list(self.resolution)}")
         if self.sensor not in SENSORS:
             raise ValueError(f"no sensor {self.sensor!r}; choose from {', '.join(SENSORS)}")
+        if self.train_categories is not None:
+            unknown = sorted(set(self.train_categories) - set(TOD_CATEGORIES))
+            if unknown or not self.train_categories:
+                raise ValueError(
+                    f"train_categories must be some of {', '.join(TOD_CATEGORIES)}; got {list(self.train_categories)}"
+                )
 
     def frames(self, split: str) -> int:
         """Return the number of frames of a split."""
@@ -71,7 +80,10 @@ class Recipe:
 
     def categories(self, split: str) -> tuple[str, ...]:
         """Return the categories whose objects a split holds."""
-        return TOD_CATEGORIES if split == "test" else tuple(name for name in TOD_CATEGORIES if name in TODZ_SEEN)
+        if split == "test":
+            return TOD_CATEGORIES
+        chosen = TODZ_SEEN if self.train_categories is None else frozenset(self.train_categories)
+        return tuple(name for name in TOD_CATEGORIES if name in chosen)
 
     def scenes(self, split: str) -> list[tuple[str, int]]:
         """Return folder below the root and number of views of each scene of a split; the last may have fewer views."""
@@ -89,7 +101,12 @@ class Recipe:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the recipe as JSON values."""
-        plain = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self).items()}
+        values = asdict(self)
+        # The order of the names makes no frame differ, and without the option there is none to tell from others.
+        values["train_categories"] = self.train_categories and self.categories("train")
+        plain = {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
+        if plain["train_categories"] is None:
+            del plain["train_categories"]
         return {"generator_version": GENERATOR_VERSION, **plain}
 
     def digest(self) -> str:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from pathlib import Path
 
+from sgbd.sources.categories import TODZ_SEEN
 from sgbd.sources.synthetic import generation
 from sgbd.sources.synthetic.recipe import Recipe, pair
 from sgbd.sources.tod import Tod
@@ -38,8 +39,10 @@ class Tabletop(Tod):
         sensor: "clean" for exact depth, as in TOD; "kinect" for quantised depth with holes and a noisy colour camera.
         seed: Fixes the frames, whatever the number of workers.
         name: What the dataset's folder begins with.
-        min_objects: Frames with fewer objects are left out as near-empty; 0 keeps all.
-        min_object_pixels: An object counts for `min_objects` if it has as many visible pixels.
+        train_categories: What the objects of training and validation frames are drawn from; None for TOD-Z's 12 seen
+            categories.
+        min_objects, min_object_pixels, seen, unseen_objects, max_train_frames, subset_seed: As of `sgbd.sources.Tod`:
+            they choose among the frames, and make none.
 
     Raises:
         ValueError: If a value is out of range.
@@ -63,8 +66,13 @@ class Tabletop(Tod):
         sensor: str = "clean",
         seed: int = 0,
         name: str = "tabletop",
+        train_categories: Iterable[str] | None = None,
         min_objects: int = 0,
         min_object_pixels: int = 1,
+        seen: Iterable[str] | None = TODZ_SEEN,
+        unseen_objects: str = "keep",
+        max_train_frames: int | None = None,
+        subset_seed: int = 0,
     ) -> None:
         self.recipe = Recipe(
             train_frames=train_frames,
@@ -75,10 +83,20 @@ class Tabletop(Tod):
             resolution=pair("resolution", resolution, "width and height in pixels"),
             sensor=sensor,
             seed=seed,
+            train_categories=None if train_categories is None else tuple(train_categories),
         )
         self.name = name
         folder = Path(root).expanduser() / f"{name}-{self.recipe.digest()}"
-        super().__init__(folder, split, min_objects=min_objects, min_object_pixels=min_object_pixels)
+        super().__init__(
+            folder,
+            split,
+            seen=seen,
+            min_objects=min_objects,
+            min_object_pixels=min_object_pixels,
+            unseen_objects=unseen_objects,
+            max_train_frames=max_train_frames,
+            subset_seed=subset_seed,
+        )
 
     @property
     def generated(self) -> bool:

@@ -41,9 +41,19 @@ def test_only_test_frames_hold_unseen_categories() -> None:
     assert RECIPE.categories("test") == TOD_CATEGORIES
 
 
+def test_training_categories_can_be_chosen() -> None:
+    chosen = replace(RECIPE, train_categories=("mug", "bowl"))
+    assert chosen.categories("train") == chosen.categories("val") == ("bowl", "mug")
+    assert chosen.categories("test") == TOD_CATEGORIES
+    assert chosen.digest() == replace(RECIPE, train_categories=("bowl", "mug")).digest()
+    # Datasets made before there was the option stay theirs.
+    assert "train_categories" not in RECIPE.as_dict()
+
+
 @pytest.mark.parametrize(
     "change",
     [
+        {"train_categories": ("mug",)},
         {"train_frames": 8},
         {"val_frames": 3},
         {"test_frames": 4},
@@ -67,6 +77,8 @@ def test_the_digest_is_that_of_equal_values() -> None:
     ("change", "message"),
     [
         ({"train_frames": -1}, "train_frames must not be negative; got -1"),
+        ({"train_categories": ("teapot",)}, r"train_categories must be some of ashcan.*got \['teapot'\]"),
+        ({"train_categories": ()}, "train_categories must be some of"),
         ({"views_per_scene": 0}, "views_per_scene must be at least 1; got 0"),
         ({"objects": (9, 3)}, r"objects must be a range .* got \[9, 3\]"),
         ({"objects": (0, 3)}, "objects must be a range"),

@@ -84,6 +84,18 @@ def test_test_frames_hold_unseen_categories_too(root: Path) -> None:
     assert held <= set(TOD_CATEGORIES)
 
 
+def test_frames_are_chosen_and_objects_ignored_without_making_anything_anew(root: Path) -> None:
+    category = next(iter(Tabletop(root, "train", **SIZES)[0].categories.values()))
+    source = Tabletop(root, "train", **SIZES, seen=[category], unseen_objects="ignore", max_train_frames=2)
+    assert source.generated
+    assert source.root == Tabletop(root, "train", **SIZES).root
+    assert len(source) == 2
+    assert {name for frame in source for name in frame.categories.values()} <= {category}
+    assert any((frame.instances == -1).any() for frame in source if frame.instances is not None)
+    assert source.seen == {category}
+    assert len(Tabletop(root, "test", **SIZES, seen=[category], max_train_frames=2)) == 4
+
+
 def test_the_description_agrees_with_the_masks(root: Path) -> None:
     source = Tabletop(root, "test", **SIZES)
     for index, frame in enumerate(source):
