@@ -20,6 +20,7 @@ from sgbd.atomic_file import write_whole
 from sgbd.processors import usable_processors
 from sgbd.sources.categories import TABLE_CATEGORY, TOD_CATEGORIES, TOD_SYNSETS
 from sgbd.sources.synthetic.recipe import FIRST_VIEW, FOLDERS, Recipe
+from sgbd.sources.synthetic.variety import VARIETIES
 from sgbd.workers import WorkerError, map_in_order
 
 log = logging.getLogger(__name__)
@@ -121,12 +122,16 @@ def write_scene(root: Path, recipe: Recipe, split: str, number: int) -> Path:
     temporary.mkdir(parents=True)
     try:
         seed = np.random.SeedSequence([recipe.seed, list(FOLDERS).index(split), number])
-        arrangement = arrange(recipe.categories(split), recipe.objects, seed)
-        views = photograph(arrangement, count, recipe.sensor, recipe.resolution, seed)
+        variety = VARIETIES[recipe.variety]
+        arrangement = arrange(recipe.categories(split), recipe.objects, seed, variety)
+        views = photograph(arrangement, count, recipe.sensor, recipe.resolution, seed, variety)
         names = [shape.category for shape in arrangement.shapes]
         category_of = np.zeros(256, dtype=np.uint8)
         category_of[1] = TABLE_CATEGORY
-        category_of[2 : 2 + len(names)] = [TOD_CATEGORIES.index(name) + 1 for name in names]
+        # Packaging has no category.
+        category_of[2 : 2 + len(names)] = [
+            TOD_CATEGORIES.index(name) + 1 if name in TOD_CATEGORIES else 0 for name in names
+        ]
         for k, view in enumerate(views):
             ending = f"{FIRST_VIEW + k:05d}"
             Image.fromarray(view.rgb).save(temporary / f"rgb_{ending}.jpeg", quality=95, subsampling=0)
@@ -185,7 +190,7 @@ def _description(recipe: Recipe, split: str, number: int, arrangement: Any, view
             {
                 "instance": 2 + k,
                 "category": shape.category,
-                "synset": next(synset for synset, name in TOD_SYNSETS.items() if name == shape.category),
+                "synset": next((synset for synset, name in TOD_SYNSETS.items() if name == shape.category), None),
                 "position": np.round(pose.position, 6).tolist(),
                 "rotation": np.round(pose.turn, 6).tolist(),
                 "size": np.round(shape.extents, 4).tolist(),

@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from sgbd.sources.synthetic.shapes.part import Shape, Solid
 from sgbd.sources.synthetic.table import Table
+from sgbd.sources.synthetic.variety import VARIETIES, Variety
 
 log = logging.getLogger(__name__)
 
@@ -53,13 +54,16 @@ class Pose:
     turn: Floats
 
 
-def settle(shapes: list[Shape], table: Table, rng: np.random.Generator) -> list[Pose | None]:
+def settle(
+    shapes: list[Shape], table: Table, rng: np.random.Generator, variety: Variety = VARIETIES["tabletop"]
+) -> list[Pose | None]:
     """Drop objects on a table and let them come to rest.
 
     Args:
         shapes: The objects.
         table: What they fall on.
         rng: Source of randomness of places and orientations.
+        variety: How they are spread and stacked.
 
     Returns:
         The pose of each object; None for one that fell off the table or still moves.
@@ -68,11 +72,11 @@ def settle(shapes: list[Shape], table: Table, rng: np.random.Generator) -> list[
         UnstableSimulationError: If the simulation blew up.
     """
     with _warnings_are_debugging_messages():
-        return _settled(shapes, table, rng)
+        return _settled(shapes, table, rng, variety)
 
 
-def _settled(shapes: list[Shape], table: Table, rng: np.random.Generator) -> list[Pose | None]:
-    starts = drop_poses(shapes, table, rng)
+def _settled(shapes: list[Shape], table: Table, rng: np.random.Generator, variety: Variety) -> list[Pose | None]:
+    starts = drop_poses(shapes, table, rng, variety)
     model = _model(shapes, starts, table)
     data = mujoco.MjData(model)
     count = len(shapes)
@@ -96,23 +100,35 @@ def _settled(shapes: list[Shape], table: Table, rng: np.random.Generator) -> lis
     return poses
 
 
-def drop_poses(shapes: list[Shape], table: Table, rng: np.random.Generator) -> list[Pose]:
+def drop_poses(
+    shapes: list[Shape], table: Table, rng: np.random.Generator, variety: Variety = VARIETIES["tabletop"]
+) -> list[Pose]:
     """Draw where the objects start: near each other, above the table, none inside another.
 
-    Each object takes the lowest of a few random places over what is already there, by bounding boxes.
+    Each object takes the lowest of a few random places over what is already there, by bounding boxes, or, if it is to
+    be stacked, stands on one of those.
     """
     footprint = sum(float(np.prod(np.sort(shape.extents)[1:])) for shape in shapes)
-    reach = min(0.38 * min(table.size), 0.5 * np.sqrt(footprint) * rng.uniform(0.6, 1.1))
+    low, high = variety.spread
+    spread = np.exp(rng.uniform(np.log(low), np.log(high))) if variety.log_spread else rng.uniform(low, high)
+    reach = min(0.38 * min(table.size), 0.5 * np.sqrt(footprint) * spread)
     centre = rng.uniform(-0.06, 0.06, 2) * np.asarray(table.size)
     placed: list[tuple[Floats, Floats]] = []
     poses = []
     for shape in shapes:
         turn = _orientation(shape, rng)
-        half = np.abs(turn) @ (shape.extents / 2) + 0.006
         best: Floats | None = None
-        for _ in range(8):
+        places = 8
+        support: Floats | None = None
+        if placed and variety.stacked > 0 and rng.random() < variety.stacked:
+            turn = Rotation.from_euler("z", rng.uniform(0, 2 * np.pi)).as_matrix()
+            support, places = placed[int(rng.integers(len(placed)))][0], 1
+        half = np.abs(turn) @ (shape.extents / 2) + 0.006
+        for _ in range(places):
             angle, radius = rng.uniform(0, 2 * np.pi), reach * np.sqrt(rng.random())
             place = np.array([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle), 0.0])
+            if support is not None:
+                place[:2] = support[:2] + rng.normal(0, 0.015, 2)
             below = [
                 other[2] + size[2] for other, size in placed if (np.abs(other - place)[:2] < (half + size)[:2]).all()
             ]

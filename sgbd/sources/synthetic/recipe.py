@@ -9,11 +9,14 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from sgbd.sources.categories import TOD_CATEGORIES, TODZ_SEEN
+from sgbd.sources.synthetic.variety import VARIETIES
 
 GENERATOR_VERSION = 1
 """Raised by every change of the generator that changes a frame: older data is then made anew, never mixed in."""
 
-SENSORS = ("clean", "kinect")
+SENSORS = ("clean", "kinect", "varied")
+LATER = {"train_categories": None, "variety": "tabletop"}
+"""Options that came later: at these values they leave a recipe, and so its digest, what it was without them."""
 FOLDERS = {"train": "training_set", "val": "validation_set", "test": "test_set"}
 FIRST_VIEW = 2
 """Number of a scene's first picture: in the layout, 0 is the empty room and 1 the empty table."""
@@ -30,10 +33,11 @@ class Recipe:
         views_per_scene: Pictures taken of each arrangement of objects.
         objects: Least and largest number of objects on the table.
         resolution: Width and height, pixels.
-        sensor: `clean` (exact depth) or `kinect` (structured light).
+        sensor: `clean` (exact depth), `kinect` (structured light) or `varied` (another camera for every frame).
         seed: Fixes every scene; more frames of the same seed begin with the same scenes.
         train_categories: What the objects of training and validation frames are drawn from; None for TOD-Z's 12 seen
             categories.
+        variety: What kind of scenes there are, see `sgbd.sources.synthetic.variety`: `tabletop` or `wide`.
 
     Raises:
         ValueError: On construction, if a value is out of range.
@@ -48,6 +52,7 @@ class Recipe:
     sensor: str
     seed: int
     train_categories: tuple[str, ...] | None = None
+    variety: str = "tabletop"
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -73,6 +78,8 @@ class Recipe:
                 raise ValueError(
                     f"train_categories must be some of {', '.join(TOD_CATEGORIES)}; got {list(self.train_categories)}"
                 )
+        if self.variety not in VARIETIES:
+            raise ValueError(f"no variety {self.variety!r}; choose from {', '.join(VARIETIES)}")
 
     def frames(self, split: str) -> int:
         """Return the number of frames of a split."""
@@ -102,12 +109,11 @@ class Recipe:
     def as_dict(self) -> dict[str, Any]:
         """Return the recipe as JSON values."""
         values = asdict(self)
-        # The order of the names makes no frame differ, and without the option there is none to tell from others.
+        # The order of the names makes no frame differ.
         values["train_categories"] = self.train_categories and self.categories("train")
         plain = {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
-        if plain["train_categories"] is None:
-            del plain["train_categories"]
-        return {"generator_version": GENERATOR_VERSION, **plain}
+        kept = {key: value for key, value in plain.items() if key not in LATER or value != LATER[key]}
+        return {"generator_version": GENERATOR_VERSION, **kept}
 
     def digest(self) -> str:
         """Return ten hex digits that differ for every other recipe."""

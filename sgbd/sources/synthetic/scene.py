@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -14,13 +14,18 @@ from sgbd.sources.synthetic import colours, sensor
 from sgbd.sources.synthetic.physics import Pose, UnstableSimulationError, settle
 from sgbd.sources.synthetic.render import Camera, Light, Rendering, Scene
 from sgbd.sources.synthetic.room import Placed, Room, random_room
+from sgbd.sources.synthetic.sensor_variety import recorded_by_any_camera
 from sgbd.sources.synthetic.shapes import SHAPES, Shape
-from sgbd.sources.synthetic.table import Table, random_table
+from sgbd.sources.synthetic.shapes.packaging import carton, roll
+from sgbd.sources.synthetic.table import Table, random_floor, random_table
+from sgbd.sources.synthetic.variety import VARIETIES, Variety
 
 log = logging.getLogger(__name__)
 
 ATTEMPTS = 50
 """Draws of a scene before giving up: far more than a sane recipe ever needs."""
+FEW = 6
+"""Objects of a scene with few objects, at most."""
 VISIBLE = 150
 """Pixels at 640x480 from which on an object counts as visible."""
 
@@ -63,13 +68,19 @@ class Arrangement:
     attempt: int
 
 
-def arrange(categories: Sequence[str], objects: tuple[int, int], seed: np.random.SeedSequence) -> Arrangement:
+def arrange(
+    categories: Sequence[str],
+    objects: tuple[int, int],
+    seed: np.random.SeedSequence,
+    variety: Variety = VARIETIES["tabletop"],
+) -> Arrangement:
     """Draw objects and drop them on a table, anew if the simulation blows up or too few stay.
 
     Args:
         categories: Names to draw from.
         objects: Least and largest number of objects on the table.
         seed: Fixes the result.
+        variety: What kinds of arrangement there are.
 
     Raises:
         SceneError: If no draw was acceptable.
@@ -77,16 +88,20 @@ def arrange(categories: Sequence[str], objects: tuple[int, int], seed: np.random
     reasons = []
     for attempt in range(ATTEMPTS):
         rng = np.random.default_rng([*_words(seed), attempt])
-        table = random_table(rng)
-        count = int(rng.integers(objects[0], objects[1] + 1))
-        shapes = [SHAPES[categories[int(rng.integers(len(categories)))]](rng) for _ in range(count)]
+        low, high = objects
+        if variety.few > 0 and rng.random() < variety.few:
+            high = min(high, FEW)
+            low = min(low, high)
+        table = random_floor(rng) if variety.floor > 0 and rng.random() < variety.floor else random_table(rng)
+        count = int(rng.integers(low, high + 1))
+        shapes = [_random_shape(categories, variety, rng) for _ in range(count)]
         try:
-            poses = settle(shapes, table, rng)
+            poses = settle(shapes, table, rng, variety)
         except UnstableSimulationError as error:
             reasons.append(str(error))
             continue
         kept = [(shape, pose) for shape, pose in zip(shapes, poses, strict=True) if pose is not None]
-        if len(kept) >= objects[0]:
+        if len(kept) >= low:
             return Arrangement(table, tuple(s for s, _ in kept), tuple(p for _, p in kept), attempt)
         reasons.append(f"only {len(kept)} of {count} objects stayed on the table")
     raise SceneError(
@@ -95,17 +110,29 @@ def arrange(categories: Sequence[str], objects: tuple[int, int], seed: np.random
     )
 
 
+def _random_shape(categories: Sequence[str], variety: Variety, rng: np.random.Generator) -> Shape:
+    if variety.packaging > 0 and rng.random() < variety.packaging:
+        return carton(rng) if rng.random() < 0.7 else roll(rng)
+    return SHAPES[categories[int(rng.integers(len(categories)))]](rng)
+
+
 def photograph(
-    arrangement: Arrangement, views: int, sensor_name: str, resolution: tuple[int, int], seed: np.random.SeedSequence
+    arrangement: Arrangement,
+    views: int,
+    sensor_name: str,
+    resolution: tuple[int, int],
+    seed: np.random.SeedSequence,
+    variety: Variety = VARIETIES["tabletop"],
 ) -> list[View]:
     """Furnish a room around an arrangement, light it, and take pictures.
 
     Args:
         arrangement: Table and objects.
         views: Number of pictures.
-        sensor_name: `clean` or `kinect`.
+        sensor_name: `clean`, `kinect` or `varied`.
         resolution: Width and height, pixels.
         seed: Fixes the result.
+        variety: Where cameras stand, and of what kind they are.
     """
     # A stream each for the scene and for the camera that records it: the same scenes under every sensor.
     rng = np.random.default_rng([*_words(seed), 1 << 20])
@@ -124,9 +151,14 @@ def photograph(
     look = _look(sensor_name, recorder)
     pictures = []
     first = rng.uniform(0, 2 * np.pi)
+    intrinsics = Intrinsics.default(*resolution)
+    if variety.focal is not None:
+        focal = resolution[0] * rng.uniform(*variety.focal)
+        intrinsics = replace(intrinsics, fx=focal, fy=focal)
     for k in range(views):
         # The views go around the table, each somewhere in its own sector.
-        camera = _camera(scene, arrangement, room, resolution, (first + 2 * np.pi * k / views, np.pi / views), rng)
+        sector = (first + 2 * np.pi * k / views, np.pi / views)
+        camera = _camera(scene, arrangement, room, intrinsics, resolution, sector, variety, rng)
         rendering = scene.render(camera, lights, ambient, rng)
         pictures.append(_recorded(rendering, camera, look, sensor_name, recorder))
     return pictures
@@ -141,7 +173,7 @@ class _Look:
 
 
 def _look(sensor_name: str, rng: np.random.Generator) -> _Look:
-    real = sensor_name == "kinect"
+    real = sensor_name != "clean"
     tint = 1 + rng.normal(0, 0.03 if real else 0.012, 3)
     return _Look(
         blur=rng.uniform(0.6, 1.0) if real else 0.5,
@@ -175,8 +207,10 @@ def _camera(
     scene: Scene,
     arrangement: Arrangement,
     room: Room,
+    intrinsics: Intrinsics,
     resolution: tuple[int, int],
     sector: tuple[float, float],
+    variety: Variety,
     rng: np.random.Generator,
 ) -> Camera:
     """Draw a viewpoint that sees several objects and has nothing right before it.
@@ -184,7 +218,6 @@ def _camera(
     Its direction lies in a sector (middle, half width; radians), or beyond it if nothing there will do.
     """
     width, height = resolution
-    intrinsics = Intrinsics.default(width, height)
     places = np.stack([pose.position for pose in arrangement.poses])
     wanted = min(len(places), 4)
     least = VISIBLE * (width * height) / (640 * 480)
@@ -193,8 +226,8 @@ def _camera(
         reach = sector[1] * (1 + attempt / 6)
         target = places.mean(axis=0) + rng.normal(0, 0.06, 3)
         distance, elevation, azimuth = (
-            rng.uniform(0.7, 1.7),
-            np.deg2rad(rng.uniform(18, 65)),
+            rng.uniform(*variety.distance),
+            np.deg2rad(rng.uniform(*variety.elevation)),
             sector[0] + rng.uniform(-reach, reach),
         )
         away = [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
@@ -229,6 +262,8 @@ def _recorded(rendering: Rendering, camera: Camera, look: _Look, sensor_name: st
     depth = rendering.depth
     if sensor_name == "kinect":
         depth = sensor.StructuredLight().measure(depth, rendering.facing, camera.intrinsics.fx, rng)
+    elif sensor_name == "varied":
+        rgb, depth = recorded_by_any_camera(rgb, rendering, camera.intrinsics.fx, rng)
     millimetres = np.clip(np.round(depth * 1000), 0, 65535).astype(np.uint16)
     return View(rgb, millimetres, rendering.label.astype(np.uint8), camera)
 

@@ -75,6 +75,14 @@ def random_table(rng: np.random.Generator) -> Table:
     return Table(is_round, size, height, tuple(parts))
 
 
+def random_floor(rng: np.random.Generator) -> Table:
+    """Draw a patch of floor, such as a carpet or boards, in place of a table."""
+    size = (rng.uniform(2.2, 3.2), rng.uniform(2.2, 3.2))
+    thick = rng.uniform(0.005, 0.02)
+    texture = finishes.cloth(rng) if rng.random() < 0.4 else _top_texture(rng)
+    return Table(False, size, thick, (Part("top", box((*size, thick), (0, 0, thick / 2)), texture),))
+
+
 def _top_texture(rng: np.random.Generator) -> Texture:
     kind = rng.choice(5, p=(0.5, 0.15, 0.15, 0.1, 0.1))
     seed = finishes.seed_of(rng)

@@ -36,8 +36,11 @@ class Tabletop(Tod):
         views_per_scene: Pictures taken of each arrangement of objects.
         objects: Least and largest number of objects on the table.
         resolution: Width and height, pixels.
-        sensor: "clean" for exact depth, as in TOD; "kinect" for quantised depth with holes and a noisy colour camera.
+        sensor: "clean" for exact depth, as in TOD; "kinect" for quantised depth with holes and a noisy colour camera;
+            "varied" for another camera in every frame: structured light, stereo or exact, with or without what lies
+            beyond the table.
         seed: Fixes the frames, whatever the number of workers.
+        variety: "tabletop" for clutter on tables, "wide" for anything from one box on a floor to heaps and stacks.
         name: What the dataset's folder begins with.
         train_categories: What the objects of training and validation frames are drawn from; None for TOD-Z's 12 seen
             categories.
@@ -65,6 +68,7 @@ class Tabletop(Tod):
         resolution: Sequence[int] = (640, 480),
         sensor: str = "clean",
         seed: int = 0,
+        variety: str = "tabletop",
         name: str = "tabletop",
         train_categories: Iterable[str] | None = None,
         min_objects: int = 0,
@@ -84,6 +88,7 @@ class Tabletop(Tod):
             sensor=sensor,
             seed=seed,
             train_categories=None if train_categories is None else tuple(train_categories),
+            variety=variety,
         )
         self.name = name
         folder = Path(root).expanduser() / f"{name}-{self.recipe.digest()}"
