@@ -47,4 +47,4 @@ VARIETIES = {
         focal=(0.78, 1.08),
     ),
 }
-"""`tabletop` is cluttered like TOD; `wide` goes from one box on a floor to heaps, for a model that is to meet anything."""
+"""`tabletop` is cluttered like TOD; `wide` goes from one box on a floor to heaps, for a model that meets anything."""
