@@ -113,19 +113,39 @@ class BalancedEdgeSampler:
 
 
 class AllEdges:
-    """Trains on every labelled pair of every graph once, a random half of each graph's with their ends swapped."""
+    """Trains on every labelled pair of every graph once, a random half of each graph's with their ends swapped.
+
+    Args:
+        border_exponent: A pair counts as the length of its border to this power: 0 for all alike, 1 for as many votes
+            as it has in a multicut whose edges are weighted by border length.
+
+    Raises:
+        ValueError: If the exponent is negative.
+    """
+
+    def __init__(self, border_exponent: float = 0.0) -> None:
+        if not border_exponent >= 0:
+            raise ValueError(f"sampler.border_exponent must be 0 or more; got {border_exponent}")
+        self.border_exponent = border_exponent
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}()"
+        return f"{type(self).__name__}(border_exponent={self.border_exponent})"
 
     def __call__(self, batch: Data, generator: Generator) -> Data:
-        """Take all labelled pairs; arguments and result as `BalancedEdgeSampler`."""
+        """Take all labelled pairs; arguments and result as `BalancedEdgeSampler`.
+
+        With a `border_exponent` the batch needs border_length float32 [E], and the result has edge_label_weight
+        float32 [P], how much each pair counts in the loss.
+        """
         labels = edge_labels(batch)
         num_graphs, graph = graphs_of_pairs(batch)
         known = (labels != UNKNOWN).nonzero().squeeze(1)
         sampled = copy.copy(batch)
         sampled.edge_label_index = swap_half(batch.edge_label_index[:, known], graph[known], num_graphs, generator)
         sampled.edge_label = labels[known]
+        if self.border_exponent > 0:
+            # Pairs that don't touch count like one pixel of border.
+            sampled.edge_label_weight = batch.border_length[known].clamp(min=1) ** self.border_exponent
         return sampled
 
 

@@ -27,6 +27,7 @@ from sgbd.atomic_file import write_whole
 from sgbd.batches import EpochBatches, batches_in_order, derived_seeds
 from sgbd.checkpoint import CHECKPOINT_FILE, Checkpoint
 from sgbd.graph import CUT, MERGE
+from sgbd.losses import EdgeLoss
 from sgbd.models import EdgeClassifier, ObjectnessHead, object_targets
 from sgbd.models.standardize import ColumnMoments
 from sgbd.sampling import EdgeSampler, edge_labels, graphs_of_pairs
@@ -46,8 +47,10 @@ Optimizer = Callable[[Iterable[nn.Parameter]], torch.optim.Optimizer]
 Scheduler = Callable[[torch.optim.Optimizer], torch.optim.lr_scheduler.LRScheduler]
 Validate = Callable[[EdgeClassifier, ObjectnessHead | None], Mapping[str, float]]
 MakeLogger = Callable[..., Logger]
+Augmentation = Callable[[Data, torch.Generator], Data]
 
 
+PLAIN_LOSS = EdgeLoss()
 DEFAULT_OPTIMIZER: Optimizer = functools.partial(torch.optim.Adam, lr=1e-3, fused=True)
 
 
@@ -122,6 +125,8 @@ class Trainer:
         seed: Fixes all randomness of training; initial weights are the caller's.
         optimizer: Parameters to optimiser, for example `functools.partial(torch.optim.Adam, lr=1e-3)`.
         scheduler: Optimiser to schedule, stepped after each epoch; None for a constant rate.
+        edge_loss: Merge logits, labels and weights of the drawn pairs to their loss.
+        augmentation: Changes each batch with the epoch's generator; None for graphs as they are.
         objectness_weight: Weight of the objectness loss beside the edge loss.
         gradient_clip_norm: Largest norm of the gradient; None for no limit.
         patience: Stop after this many epochs without a better score; None for never.
@@ -144,6 +149,8 @@ class Trainer:
     seed: int = 0
     optimizer: Optimizer = DEFAULT_OPTIMIZER
     scheduler: Scheduler | None = None
+    edge_loss: EdgeLoss = PLAIN_LOSS
+    augmentation: Augmentation | None = None
     objectness_weight: float = 1.0
     gradient_clip_norm: float | None = None
     patience: int | None = None
@@ -403,8 +410,10 @@ class Trainer:
         steps = since = 0
         for batch in batches.epoch(epoch):
             # Pairs are drawn on the CPU, so that they are the same on every device.
-            data = fabric.to_device(sampler(batch, generator))
-            edge_loss, objectness_loss = _losses(joint, data)
+            drawn = sampler(batch, generator)
+            if self.augmentation is not None:
+                drawn = self.augmentation(drawn, generator)
+            edge_loss, objectness_loss = self._losses(joint, fabric.to_device(drawn))
             loss = edge_loss + self.objectness_weight * objectness_loss
             optimizer.zero_grad()
             fabric.backward(loss)
@@ -430,6 +439,17 @@ class Trainer:
                 since = 0
         means_of_epoch: Any = fabric.all_reduce((sums / steps).float().to(fabric.device), reduce_op="mean")
         return dict(zip(("loss", "edge_loss", "objectness_loss"), means_of_epoch.tolist(), strict=True))
+
+    def _losses(self, joint: nn.Module, data: Data) -> tuple[Tensor, Tensor]:
+        """Return the edge loss over drawn pairs, and the mean cross-entropy over superpixels of known instance."""
+        edge_logits, node_logits = joint(data)
+        edge_loss = self.edge_loss(edge_logits, data.edge_label, getattr(data, "edge_label_weight", None))
+        if node_logits is None:
+            return edge_loss, edge_loss.new_zeros(())
+        target = object_targets(data.node_instance)
+        known = (target >= 0).float()
+        total = binary_cross_entropy_with_logits(node_logits, target.clamp(min=0), weight=known, reduction="sum")
+        return edge_loss, total / known.sum().clamp(min=1)
 
     def _validate(
         self, model: EdgeClassifier, objectness: ObjectnessHead | None, validate: Validate | None
@@ -498,8 +518,9 @@ class Trainer:
                 if not key.startswith("_") and isinstance(value, int | float | str | list)
             }
             identity["scheduler"] = f"{type(scheduler).__name__} {settings}"
-        fixed = ("epochs", "batch_size", "seed", "objectness_weight", "gradient_clip_norm", "patience", "monitor")
-        identity |= {name: str(getattr(self, name)) for name in (*fixed, "devices", "precision")}
+        fixed = ["epochs", "batch_size", "seed", "objectness_weight", "gradient_clip_norm", "patience", "monitor"]
+        fixed += ["edge_loss", "augmentation", "devices", "precision"]
+        identity |= {name: str(getattr(self, name)) for name in fixed}
         return identity | {
             section: json.dumps(recipe[section], sort_keys=True)
             for section in IDENTIFYING_SECTIONS
@@ -572,18 +593,6 @@ def _not_finite(graphs: Sequence[Data], field: str, start: int) -> str:
                 "Prepare the graphs anew; if it stays, the frame's depth or your own features are at fault."
             )
     raise AssertionError("unreachable: a batch holds a value that none of its graphs has")
-
-
-def _losses(joint: nn.Module, data: Data) -> tuple[Tensor, Tensor]:
-    """Return the mean binary cross-entropy over drawn pairs, and over superpixels of known instance."""
-    edge_logits, node_logits = joint(data)
-    edge_loss = binary_cross_entropy_with_logits(edge_logits, data.edge_label)
-    if node_logits is None:
-        return edge_loss, edge_loss.new_zeros(())
-    target = object_targets(data.node_instance)
-    known = (target >= 0).float()
-    total = binary_cross_entropy_with_logits(node_logits, target.clamp(min=0), weight=known, reduction="sum")
-    return edge_loss, total / known.sum().clamp(min=1)
 
 
 def _rank(score: float | None) -> float:

@@ -5,5 +5,14 @@ from sgbd.models.edge_classifier import EdgeClassifier
 from sgbd.models.gated_gcn import GatedGCN
 from sgbd.models.mlp import SharedMLP
 from sgbd.models.objectness import ObjectnessHead, object_targets
+from sgbd.models.symmetric_gcn import SymmetricGCN
 
-__all__ = ["EdgeClassifier", "EdgeTransformer", "GatedGCN", "ObjectnessHead", "SharedMLP", "object_targets"]
+__all__ = [
+    "EdgeClassifier",
+    "EdgeTransformer",
+    "GatedGCN",
+    "ObjectnessHead",
+    "SharedMLP",
+    "SymmetricGCN",
+    "object_targets",
+]

@@ -1,0 +1,113 @@
+"""Changes of training graphs that leave their labels as they are."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+
+import torch
+from torch import Generator, Tensor
+from torch_geometric.data import Data
+
+from sgbd.features import EDGE_NAMES, NODE_NAMES, edge_columns, node_columns
+
+COLORS = ("red", "green", "blue")
+SPREADS = ("red_spread", "green_spread", "blue_spread")
+EDGE_COLORS = ("color_step", "color_distance")
+SIDEWAYS = ("normal_x", "scene_x", "plane_normal_x")
+
+
+class GraphAugmentation:
+    """Mirrors graphs, changes their light and colour, and adds a little noise: another draw in every epoch.
+
+    Each graph of a batch is changed as a whole, so that its features stay consistent: what is mirrored is mirrored in
+    position and normals, what gets brighter gets brighter in mean, spread and steps of colour.
+
+    Args:
+        node_features: Groups of `sgbd.features.NODE_GROUPS` that are columns of `x`; None for all.
+        edge_features: Groups of `sgbd.features.EDGE_GROUPS` that are columns of `edge_attr`; None for all.
+        mirror: Share of graphs that are mirrored left to right.
+        gain: Standard deviation of the logarithm of each colour channel's gain.
+        brightness: Standard deviation of what is added to all colours, of the range 0 to 1.
+        gray: Share of graphs that lose their colours.
+        noise: Standard deviation of noise on all features, in units of their spread within the batch.
+
+    Raises:
+        ValueError: If a number is out of its range.
+    """
+
+    def __init__(
+        self,
+        node_features: Sequence[str] | None = None,
+        edge_features: Sequence[str] | None = None,
+        mirror: float = 0.5,
+        gain: float = 0.12,
+        brightness: float = 0.04,
+        gray: float = 0.1,
+        noise: float = 0.02,
+    ) -> None:
+        if not (0 <= mirror <= 1 and 0 <= gray <= 1 and min(gain, brightness, noise) >= 0):
+            raise ValueError(
+                "augmentation: mirror and gray are shares from 0 to 1, gain, brightness and noise at least 0; got "
+                f"mirror={mirror}, gray={gray}, gain={gain}, brightness={brightness}, noise={noise}"
+            )
+        self.mirror, self.gain, self.brightness, self.gray, self.noise = mirror, gain, brightness, gray, noise
+        nodes = [NODE_NAMES[column] for column in node_columns(node_features)]
+        edges = [EDGE_NAMES[column] for column in edge_columns(edge_features)]
+        self._node = {name: column for column, name in enumerate(nodes)}
+        self._edge = {name: column for column, name in enumerate(edges)}
+
+    def __repr__(self) -> str:
+        return (
+            f"{type(self).__name__}(mirror={self.mirror}, gain={self.gain}, brightness={self.brightness}, "
+            f"gray={self.gray}, noise={self.noise})"
+        )
+
+    def __call__(self, batch: Data, generator: Generator) -> Data:
+        """Change a batch.
+
+        Args:
+            batch: A graph, or graphs with the vector `batch`; on the CPU.
+            generator: Source of all randomness, on the CPU.
+
+        Returns:
+            A shallow copy with other `x` and `edge_attr`.
+        """
+        changed = copy.copy(batch)
+        nodes, edges = batch.x.clone(), batch.edge_attr.clone()
+        graph = batch.batch if "batch" in batch else torch.zeros(nodes.size(0), dtype=torch.int64)
+        count = batch.ptr.numel() - 1 if "ptr" in batch else 1
+        edge_graph = graph[batch.edge_index[0]]
+
+        mirrored = (torch.rand(count, generator=generator) < self.mirror)[graph]
+        for name in SIDEWAYS:
+            if name in self._node:
+                column = nodes[:, self._node[name]]
+                nodes[:, self._node[name]] = torch.where(mirrored, -column, column)
+        if "centroid_x" in self._node:
+            column = nodes[:, self._node["centroid_x"]]
+            nodes[:, self._node["centroid_x"]] = torch.where(mirrored, 1 - column, column)
+
+        gain = torch.exp(self.gain * torch.randn(count, 3, generator=generator))
+        shift = self.brightness * torch.randn(count, 1, generator=generator)
+        gray = torch.rand(count, generator=generator) < self.gray
+        self._recolor(nodes, COLORS, gain[graph], shift[graph], gray[graph])
+        self._recolor(nodes, SPREADS, gain[graph], torch.zeros(1, 1), gray[graph])
+        for name in EDGE_COLORS:
+            if name in self._edge:
+                edges[:, self._edge[name]] *= gain.mean(1)[edge_graph]
+
+        if self.noise > 0:
+            for rows in (nodes, edges):
+                if rows.numel():
+                    spread = rows.std(0, correction=0)
+                    rows += self.noise * spread * torch.randn(rows.shape, generator=generator)
+        changed.x, changed.edge_attr = nodes, edges
+        return changed
+
+    def _recolor(self, nodes: Tensor, names: Sequence[str], gain: Tensor, shift: Tensor, gray: Tensor) -> None:
+        if not all(name in self._node for name in names):
+            return
+        columns = [self._node[name] for name in names]
+        colors = (nodes[:, columns] * gain + shift).clamp(0, 1)
+        nodes[:, columns] = torch.where(gray[:, None], colors.mean(1, keepdim=True).expand_as(colors), colors)

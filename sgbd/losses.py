@@ -1,0 +1,61 @@
+"""What training minimises over the supervised pairs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn.functional import binary_cross_entropy_with_logits
+
+from sgbd.graph import MERGE
+
+
+@dataclass(frozen=True)
+class EdgeLoss:
+    r"""Binary cross-entropy of merge logits, focused and weighted as wished.
+
+    .. math:: -w\, (1 - p_t)^\gamma \log p_t
+
+    with :math:`p_t` the probability of the right label. As it stands it is the paper's plain cross-entropy; with
+    :math:`\gamma > 0` the focal loss of T.-Y. Lin et al., "Focal loss for dense object detection", ICCV 2017,
+    doi:10.1109/ICCV.2017.324. Weights are scaled to a mean of 1 over the batch, so that the rate need not change.
+
+    Attributes:
+        gamma: Focus on pairs that are still wrong.
+        balanced: Weight both classes alike, however many pairs each has in the batch.
+
+    Raises:
+        ValueError: On construction, if gamma is negative.
+    """
+
+    gamma: float = 0.0
+    balanced: bool = False
+
+    def __post_init__(self) -> None:
+        """Check gamma."""
+        if not self.gamma >= 0:
+            raise ValueError(f"the edge loss's gamma must be 0 or more; got {self.gamma}")
+
+    def __call__(self, logits: Tensor, labels: Tensor, weight: Tensor | None = None) -> Tensor:
+        """Return the mean loss.
+
+        Args:
+            logits: float32 [P], merge logits.
+            labels: float32 [P], 1 merge, 0 cut.
+            weight: float32 [P], how much each pair counts; None for all alike.
+
+        Returns:
+            float32 scalar.
+        """
+        if self.gamma == 0 and not self.balanced and weight is None:
+            return binary_cross_entropy_with_logits(logits, labels)
+        loss = binary_cross_entropy_with_logits(logits, labels, reduction="none")
+        if self.gamma > 0:
+            loss = loss * (1 - torch.exp(-loss)) ** self.gamma
+        total = torch.ones_like(labels) if weight is None else weight
+        if self.balanced:
+            merges = labels == MERGE
+            merge, cut = (total * merges).sum(), (total * ~merges).sum()
+            total = total * torch.where(merges, 1 / merge.clamp(min=1e-6), 1 / cut.clamp(min=1e-6))
+        return (loss * total).sum() / total.sum().clamp(min=1e-6)
