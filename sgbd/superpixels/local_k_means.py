@@ -100,18 +100,19 @@ class Samples:
 
     @classmethod
     @lru_cache(maxsize=16)
-    def of(cls, cells: Cells, subsample: int) -> Samples:
+    def of(cls, cells: Cells, subsample: int, across: int = 8) -> Samples:
         """Take every so many rows and columns of an image.
 
         Args:
             cells: The cells of the image.
             subsample: Distance between samples, pixels. Small cells are sampled more densely, or their means would be
                 of a handful of pixels.
+            across: Samples that a cell has from side to side at the least, if it has as many pixels.
 
         Returns:
             The samples.
         """
-        stride = int(max(1, min(subsample, cells.step // 8)))
+        stride = int(max(1, min(subsample, cells.step // across)))
         rows, columns = np.arange(0, cells.tops[-1], stride), np.arange(0, cells.lefts[-1], stride)
         cell_rows = np.searchsorted(cells.tops, rows, side="right") - 1
         cell_columns = np.searchsorted(cells.lefts, columns, side="right") - 1
@@ -260,18 +261,30 @@ def assign(planes, tops, lefts, near, forms, values, distances, found, labels, f
             filled = width
         for start in range(top, bottom, batch):
             rows = batch if batch < bottom - start else bottom - start
-            # Unsigned indices need no check for counting from the end, which would keep the loops from being vectors.
-            for plane in range(3):
-                target, source = values[plane], planes[plane]
-                for k in range(rows):
-                    begin, row, from_column = np.uint64(k * width), np.uint64(start + k), np.uint64(left)
-                    for column in range(np.uint64(width)):
-                        target[begin + column] = source[row, from_column + column]
+            gather(planes, start, rows, left, width, values)
             _nearest_of_nine(values, tops[0], start, left, near[cell], forms, distances, found[: rows * width])
-            for k in range(rows):
-                target, source = labels[start + k, left : left + width], found[k * width : (k + 1) * width]
-                for column in range(width):
-                    target[column] = source[column]
+            scatter(found, start, rows, left, width, labels)
+
+
+@compiled
+def gather(planes, top, rows, left, width, values):  # type: ignore[no-untyped-def]
+    """Copy a rectangle of every plane into one line each of `values`."""
+    # Unsigned indices need no check for counting from the end, which would keep the loops from being vectors.
+    for plane in range(len(planes)):
+        target, source = values[plane], planes[plane]
+        for k in range(rows):
+            begin, row, from_column = np.uint64(k * width), np.uint64(top + k), np.uint64(left)
+            for column in range(np.uint64(width)):
+                target[begin + column] = source[row, from_column + column]
+
+
+@compiled
+def scatter(found, top, rows, left, width, labels):  # type: ignore[no-untyped-def]
+    """Copy what was found for a rectangle, in one line, to its place in the image."""
+    for k in range(rows):
+        target, source = labels[top + k, left : left + width], found[k * width : (k + 1) * width]
+        for column in range(width):
+            target[column] = source[column]
 
 
 @compiled
@@ -290,6 +303,19 @@ def _nearest_of_nine(values, begin, top, left, near, forms, distances, labels): 
         distance = distances[candidate]
         for k in range(count):
             distance[k] = constant + by_y * y[k] + by_x * x[k] + by_p * p[k] + by_q * q[k] + by_r * r[k]
+    least_of_nine(distances, near, labels)
+
+
+@compiled
+def least_of_nine(distances, near, labels):  # type: ignore[no-untyped-def]
+    """Label pixels by the nearest of nine centres.
+
+    Args:
+        distances: float32 [9, B], of as many pixels as there are labels at the least.
+        near: int32 [9], the centres.
+        labels: int32 [M], written. Of centres that are equally near the first wins.
+    """
+    count = len(labels)
     # Nine times the same: only when it is written out do compilers make vector instructions of it.
     c0, d0 = near[0], distances[0]
     c1, d1 = near[1], distances[1]

@@ -130,7 +130,7 @@ class FastSlic(Slic):
     @property
     def thread_count(self) -> int:
         """Threads that a call works in on this machine."""
-        return self.threads or min(2, len(usable_processors()))
+        return thread_count(self.threads)
 
     def __call__(self, frame: Frame) -> LabelMap:
         """Over-segment a frame.
@@ -207,10 +207,17 @@ class FastSlic(Slic):
         return unweighted(smoothed, planes) if weighted else smoothed
 
     def _bands(self, rows: int) -> list[tuple[int, int]]:
-        """Cut rows into a band for each thread: its first row, and the row after its last."""
-        count = self.thread_count
-        edges = [rows * k // count for k in range(count + 1)]
-        return list(pairwise(edges))
+        return bands(rows, self.thread_count)
+
+
+def thread_count(asked: int | None) -> int:
+    """Return how many threads to work in; if the user asks for no number, one for each processor, at most 2."""
+    return asked or min(2, len(usable_processors()))
+
+
+def bands(rows: int, count: int) -> list[tuple[int, int]]:
+    """Cut rows into a band for each thread: its first row, and the row after its last."""
+    return list(pairwise([rows * k // count for k in range(count + 1)]))
 
 
 @cache

@@ -8,45 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sgbd.adjacency import LabelMap
 from sgbd.frame import Frame
-from sgbd.metrics.contingency import ContingencyTable
-from sgbd.metrics.superpixel import (
-    achievable_segmentation_accuracy,
-    boundary_recall,
-    explained_variation,
-    undersegmentation_error,
-)
 from sgbd.superpixels import slic_fast
 from sgbd.superpixels.slic import Slic, Superpixels
 from sgbd.superpixels.slic_fast import FastSlic
 from tests.label_maps import frames, is_superpixel_map, shapes
-
-
-def _made_up(seed: int) -> Frame:
-    """A table with tilted, overlapping, coloured discs and boxes on it, noise in colour and depth, and holes."""
-    rng = np.random.default_rng(seed)
-    height, width = 150, 201
-    row, column = np.mgrid[:height, :width].astype(float)
-    depth = 1.6 - 0.004 * row
-    rgb = np.stack([120 + 0.3 * row, 100 + 0.2 * column, 90 + 0 * row], axis=-1)
-    instances = np.ones((height, width), np.int32)
-    for k in range(9):
-        y, x = rng.uniform(15, height - 15), rng.uniform(15, width - 15)
-        a, b = rng.uniform(8, 30, 2)
-        inside = ((row - y) / a) ** 2 + ((column - x) / b) ** 2 < 1
-        if k % 2:
-            inside = (abs(row - y) < 0.8 * a) & (abs(column - x) < 0.8 * b)
-        surface = 1.6 - 0.004 * y - rng.uniform(0.05, 0.3) + rng.normal(0, 1e-3) * (column - x)
-        depth = np.where(inside, surface, depth)
-        rgb = np.where(inside[..., None], rng.uniform(20, 235, 3) * (0.8 + 0.002 * row[..., None]), rgb)
-        instances[inside] = k + 2
-    depth = depth + rng.normal(0, 0.003, depth.shape)
-    for _ in range(6):
-        y, x = rng.integers(0, height), rng.integers(0, width)
-        depth[y : y + 12, x : x + 5] = 0
-    rgb = np.clip(rgb + rng.normal(0, 5, rgb.shape), 0, 255).astype(np.uint8)
-    return Frame(rgb, depth.astype(np.float32), instances=instances)
+from tests.superpixels.made_up import made_up_frame, quality
 
 
 def _real(folder: Path, index: int) -> Frame:
@@ -59,26 +26,8 @@ def _real(folder: Path, index: int) -> Frame:
     )
 
 
-def _quality(label_map: LabelMap, frame: Frame) -> npt.NDArray[np.float64]:
-    """Number of superpixels, then measures of which more is better."""
-    assert frame.instances is not None
-    table = ContingencyTable.from_label_maps(label_map, frame.instances)
-    valid = frame.depth > 0
-    clipped = np.minimum(frame.depth, np.percentile(frame.depth[valid], 98))
-    return np.array(
-        [
-            label_map.max() + 1,
-            explained_variation(label_map, frame.rgb),
-            explained_variation(label_map, clipped, valid),
-            boundary_recall(label_map, frame.instances),
-            1 - undersegmentation_error(table),
-            achievable_segmentation_accuracy(table),
-        ]
-    )
-
-
 def _mean_quality(superpixels: Superpixels, of: list[Frame]) -> npt.NDArray[np.float64]:
-    return np.mean([_quality(superpixels(frame), frame) for frame in of], axis=0)
+    return np.mean([quality(superpixels(frame), frame) for frame in of], axis=0)
 
 
 def _assert_no_worse(of: list[Frame], n_segments: int, slack: list[float], min_size: int = 25) -> None:
@@ -119,13 +68,13 @@ def test_threads_change_nothing(frame: Frame, use: tuple[bool, bool], threads: i
 
 def test_memory_that_is_used_again_changes_nothing() -> None:
     superpixels = FastSlic(60)
-    expected = [superpixels(_made_up(seed)) for seed in (0, 1)]
+    expected = [superpixels(made_up_frame(seed)) for seed in (0, 1)]
     small = Frame(np.zeros((5, 7, 3), np.uint8), np.ones((5, 7), np.float32))
     for _ in range(2):
         superpixels(small)
-        again = [superpixels(_made_up(seed)) for seed in (0, 1)]
+        again = [superpixels(made_up_frame(seed)) for seed in (0, 1)]
         np.testing.assert_array_equal(again, expected)
-    np.testing.assert_array_equal(pickle.loads(pickle.dumps(superpixels))(_made_up(0)), expected[0])
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(superpixels))(made_up_frame(0)), expected[0])
 
 
 @pytest.mark.parametrize(("rgb", "depth"), [(True, False), (False, True), (True, True)])
@@ -161,7 +110,7 @@ def test_a_hole_in_the_depth_is_no_edge() -> None:
 
 
 def test_about_as_many_superpixels_as_scikit_image_gives() -> None:
-    of = [_made_up(seed) for seed in range(4)]
+    of = [made_up_frame(seed) for seed in range(4)]
     for n_segments in (40, 120):
         ours, reference = (np.mean([s(n_segments)(f).max() + 1 for f in of]) for s in (FastSlic, Slic))
         assert 0.6 < ours / reference < 1.7
@@ -169,7 +118,7 @@ def test_about_as_many_superpixels_as_scikit_image_gives() -> None:
 
 @pytest.mark.parametrize("n_segments", [48, 128])
 def test_quality_on_made_up_frames_is_no_worse_than_that_of_scikit_image(n_segments: int) -> None:
-    _assert_no_worse([_made_up(seed) for seed in range(8)], n_segments, slack=[0.0, 0.002, 0.01, 0.002, 0.001])
+    _assert_no_worse([made_up_frame(seed) for seed in range(8)], n_segments, slack=[0.0, 0.002, 0.01, 0.002, 0.001])
 
 
 @pytest.mark.parametrize("n_segments", [128, 512])
@@ -183,7 +132,7 @@ def test_without_numba_scikit_image_steps_in_and_says_so_once(
 ) -> None:
     monkeypatch.setattr(slic_fast, "HAS_NUMBA", False)
     slic_fast.say_that_numba_is_missing.cache_clear()
-    frame = _made_up(0)
+    frame = made_up_frame(0)
     superpixels = FastSlic(30)
     np.testing.assert_array_equal(superpixels(frame), Slic(30)(frame))
     FastSlic(40)

@@ -1,0 +1,140 @@
+"""Superpixels for merging: slanted planes of even colour, as few as the scene allows."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
+import numpy as np
+
+from sgbd.adjacency import LabelMap
+from sgbd.compiled import HAS_NUMBA
+from sgbd.frame import Frame
+from sgbd.superpixels.feature_planes import TO_XYZ, gaussian_weights, linear_intensities, smooth, write_lab
+from sgbd.superpixels.fragments import connected_superpixels
+from sgbd.superpixels.local_k_means import Cells
+from sgbd.superpixels.region_merging import merge_alike
+from sgbd.superpixels.slanted_planes import PLANES, assign, cluster, work_space, write_inverse_depth
+from sgbd.superpixels.slic import Slic
+from sgbd.superpixels.slic_fast import Run, bands, reused, say_that_numba_is_missing, thread_count
+
+SPECK = 8
+"""Connected pieces under so many pixels join a neighbour before regions are compared: they are noise."""
+
+
+class PlaneSlic:
+    """One over-segmentation by colour, position and surface, fine at first, then merged where nothing is lost.
+
+    Colour and depth are clustered together: a centre is a mean colour, a place and a plane in space (see
+    `slanted_planes`). Its connected pieces are then merged, the most alike first (see `region_merging`), as long as
+    that costs next to nothing. So a table or a wall is a few superpixels, and clutter gets many. Missing depth is
+    compared by colour and place alone. No intrinsics are needed.
+
+    The result does not depend on the number of threads. Without Numba, scikit-image's SLIC stands in.
+
+    Args:
+        n_segments: Superpixels at the most, but for what the image needs to stay connected; even scenes get fewer.
+        tolerance: What merging two regions may cost, whatever their number, in pixels: the increase of their squared
+            error, in units of `compactness` for colours and of `depth_noise` for depth. 0: always `n_segments`.
+        n_cells: Centres to start with.
+        compactness: Difference in Lab that counts as much as the distance between two centres.
+        rgb_sigma: Width of the Gaussian that smooths the colours, pixels.
+        depth_noise: Noise of the depth at one metre, metres. At z metres it is z^2 times as much.
+        min_size: Pixels a superpixel needs to stay.
+        iterations: Rounds of assignment and update of the centres.
+        subsample: The centres are found on every so many rows and columns.
+        threads: Threads to work in. None: as many as there are processors to run on, at most 2.
+
+    Raises:
+        ValueError: If a number is out of its range.
+    """
+
+    def __init__(
+        self,
+        n_segments: int = 600,
+        *,
+        tolerance: float = 100.0,
+        n_cells: int = 1600,
+        compactness: float = 10.0,
+        rgb_sigma: float = 1.0,
+        depth_noise: float = 0.003,
+        min_size: int = 25,
+        iterations: int = 2,
+        subsample: int = 4,
+        threads: int | None = None,
+    ) -> None:
+        if n_segments < 1 or n_cells < 1 or subsample < 1 or (threads is not None and threads < 1):
+            raise ValueError(
+                "superpixels: n_segments, n_cells, subsample and threads must be at least 1; "
+                f"got n_segments={n_segments}, n_cells={n_cells}, subsample={subsample}, threads={threads}"
+            )
+        if min(compactness, depth_noise) <= 0 or min(tolerance, rgb_sigma, min_size, iterations) < 0:
+            raise ValueError(
+                "superpixels: compactness and depth_noise must be above 0, tolerance, rgb_sigma, min_size and "
+                f"iterations at least 0; got compactness={compactness}, depth_noise={depth_noise}, "
+                f"tolerance={tolerance}, rgb_sigma={rgb_sigma}, min_size={min_size}, iterations={iterations}"
+            )
+        self.n_segments = n_segments
+        self.tolerance = tolerance
+        self.n_cells = n_cells
+        self.compactness = compactness
+        self.rgb_sigma = rgb_sigma
+        self.depth_noise = depth_noise
+        self.min_size = min_size
+        self.iterations = iterations
+        self.subsample = subsample
+        self.threads = threads
+        if not HAS_NUMBA:
+            say_that_numba_is_missing()
+
+    def __call__(self, frame: Frame) -> LabelMap:
+        """Over-segment a frame.
+
+        Args:
+            frame: Any frame.
+
+        Returns:
+            int32 [H, W], ids 0..N-1 in raster order of their first pixel, each id one 4-connected region.
+        """
+        if not HAS_NUMBA:
+            # The intersection of its two maps has about three times as many superpixels as each.
+            return Slic(max(1, self.n_segments // 3), min_size=self.min_size)(frame)
+        count = thread_count(self.threads)
+        if count == 1:
+            return self._segment(frame, 1, lambda jobs: [job() for job in jobs])
+        # The pool lives as long as the call: one that lived longer would not survive a fork or a pickle.
+        with ThreadPoolExecutor(count) as pool:
+            return self._segment(frame, count, lambda jobs: list(pool.map(lambda job: job(), jobs)))
+
+    def _segment(self, frame: Frame, threads: int, run: Run) -> LabelMap:
+        """Take the steps of the method one after the other; `run` does the jobs of one step side by side."""
+        height, width = frame.height, frame.width
+        rows = bands(height, threads)
+        planes = reused("slanted", (PLANES, height, width), np.float32)
+        weights = gaussian_weights(self.rgb_sigma)
+        sharp = planes[:3] if len(weights) == 1 else reused("lab", (3, height, width), np.float32)
+        intensities, scale = linear_intensities(frame.rgb), np.float32(1 / self.compactness)
+        inverse = np.float32(1 / self.depth_noise)
+        run(
+            [
+                partial(
+                    write_lab, frame.rgb, intensities, TO_XYZ, scale, np.empty((4, width), np.float32), sharp, *band
+                )
+                for band in rows
+            ]
+            + [partial(write_inverse_depth, frame.depth, inverse, planes[3], *band) for band in rows]
+        )
+        if len(weights) > 1:
+            padded = width + 2 * (len(weights) - 1)
+            run([partial(smooth, sharp, weights, np.empty(padded, np.float32), planes[:3], *band) for band in rows])
+        cells = Cells.grid(height, width, self.n_cells)
+        forms = cluster(planes, cells, self.iterations, self.subsample)
+        labels = reused("labels_0", (height, width), np.int32)
+        run(
+            [
+                partial(assign, planes, cells.tops, cells.lefts, cells.near, forms, *work_space(cells), labels, *band)
+                for band in bands(len(cells.tops) - 1, threads)
+            ]
+        )
+        pieces = connected_superpixels(labels, labels, min(SPECK, self.min_size))
+        return merge_alike(pieces, planes, self.n_segments, self.tolerance, self.min_size)

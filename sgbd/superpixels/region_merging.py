@@ -1,0 +1,288 @@
+"""Merging of neighbouring regions, the most alike first: Ward's hierarchical clustering on the region adjacency graph.
+
+A region is a plane of inverse depth and a mean colour. What it costs to merge two is by how much the squared error of
+their pixels rises: for the colours n m / (n + m) |f - g|^2, for the depth the error of one plane for both minus the
+errors of a plane each. So large, flat, even surfaces grow together, and small regions that stand out stay. Everything
+is computed from sums over the pixels of a region, which add up when regions merge; the image is not looked at again.
+
+Sources: Ward, Hierarchical grouping to optimize an objective function, JASA 1963, DOI 10.1080/01621459.1963.10500845;
+Haris et al., Hybrid image segmentation using watersheds and fast region merging, TIP 1998, DOI 10.1109/83.730380.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from sgbd.adjacency import LabelMap
+from sgbd.compiled import compiled
+from sgbd.superpixels.slanted_planes import DISPARITY, plane_fit
+
+# Sums over a region: its pixels and their colours, then over those with depth what a plane needs, and d d.
+_DEPTH, _SQUARES, _SUMS = 4, 13, 14
+
+
+def merge_alike(
+    label_map: LabelMap, planes: npt.NDArray[np.float32], n_segments: int, tolerance: float, min_size: int
+) -> LabelMap:
+    """Merge neighbouring regions, always the two whose merging costs least.
+
+    It goes on while merging costs no more than `tolerance` or there are more than `n_segments` regions. Then what is
+    smaller than `min_size` is merged with the neighbour for which that costs least.
+
+    Args:
+        label_map: int32 [H, W], ids 0..N-1 in raster order of their first pixel, each one 4-connected region.
+        planes: float32 [4, H, W]: L, a, b over the compactness, and inverse depth over its noise, 0 = missing.
+        n_segments: Regions at the most.
+        tolerance: Squared error that counts for nothing.
+        min_size: Pixels a region needs to stay.
+
+    Returns:
+        int32 [H, W] of the same form.
+    """
+    count = int(label_map.max()) + 1
+    # A planar graph has fewer than three edges a node.
+    ends = np.empty(6 * count, np.int32)
+    table = np.full(1 << int(8 * count).bit_length(), -1, np.int32)
+    sums = np.zeros((count, _SUMS))
+    edges = _survey(label_map, planes, table, ends, sums)
+    parents = _merge(sums, ends[: 2 * edges], n_segments, tolerance, min_size)
+    # A root is the first of its group in raster order.
+    roots = np.flatnonzero(parents == np.arange(count))
+    return np.searchsorted(roots, parents).astype(np.int32)[label_map]
+
+
+@compiled
+def _survey(label_map, planes, table, ends, sums):  # type: ignore[no-untyped-def]
+    """Sum up the pixels of every region, and pair the regions that share a border.
+
+    Args:
+        label_map: int32 [H, W].
+        planes: float32 [4, H, W].
+        table: int32 [a power of two] of -1 to work in: a hash table of edges.
+        ends: int32 [2 * edges at the most], written: the two ends of each edge.
+        sums: float64 [N, 14] of zeros, written.
+
+    Returns:
+        The number of edges.
+    """
+    height, width = label_map.shape
+    edges = 0
+    for row in range(height):
+        last_left = last_right = last_above = last_below = -1
+        for column in range(width):
+            label = label_map[row, column]
+            total = sums[label]
+            total[0] += 1
+            total[1] += planes[0, row, column]
+            total[2] += planes[1, row, column]
+            total[3] += planes[2, row, column]
+            d = np.float64(planes[DISPARITY, row, column])
+            if d > 0:
+                y, x = np.float64(row), np.float64(column)
+                total[_DEPTH] += 1
+                total[_DEPTH + 1] += y
+                total[_DEPTH + 2] += x
+                total[_DEPTH + 3] += y * y
+                total[_DEPTH + 4] += y * x
+                total[_DEPTH + 5] += x * x
+                total[_DEPTH + 6] += d
+                total[_DEPTH + 7] += d * y
+                total[_DEPTH + 8] += d * x
+                total[_SQUARES] += d * d
+            if column > 0:
+                other = label_map[row, column - 1]
+                # Borders run on for many pixels: what was met last is most often met again.
+                if other != label and not (other == last_left and label == last_right):
+                    edges = _add(table, ends, edges, other, label)
+                    last_left, last_right = other, label
+            if row > 0:
+                other = label_map[row - 1, column]
+                if other != label and not (other == last_above and label == last_below):
+                    edges = _add(table, ends, edges, other, label)
+                    last_above, last_below = other, label
+    return edges
+
+
+@compiled
+def _add(table, ends, edges, one, other):  # type: ignore[no-untyped-def]
+    """Add an edge unless it is there, and return how many there are."""
+    if other < one:
+        one, other = other, one
+    last = len(table) - 1
+    slot = (np.int64(one) * 73856093 ^ np.int64(other) * 19349663) & last
+    while table[slot] >= 0:
+        edge = table[slot]
+        if ends[2 * edge] == one and ends[2 * edge + 1] == other:
+            return edges
+        slot = (slot + 1) & last
+    table[slot] = edges
+    ends[2 * edges], ends[2 * edges + 1] = one, other
+    return edges + 1
+
+
+@compiled
+def _merge(sums, ends, n_segments, tolerance, min_size):  # type: ignore[no-untyped-def]
+    """Merge regions, and return the root of each: the smallest id of its group.
+
+    The edges of a region are a doubly linked list of *half edges*: half edge h belongs to region ends[h], its edge is
+    h // 2, and h ^ 1 is its other half. All edges wait in a heap, the cheapest on top; `places` knows where each is.
+
+    Args:
+        sums: float64 [N, 14], of each region; overwritten.
+        ends: int32 [2 E]; overwritten.
+        n_segments: Regions at the most.
+        tolerance: Cost that counts for nothing.
+        min_size: Pixels a region needs to stay.
+
+    Returns:
+        int64 [N].
+    """
+    count, edges = len(sums), len(ends) // 2
+    heads = np.full(count, -1, np.int64)
+    after, before = np.full(2 * edges, -1, np.int64), np.full(2 * edges, -1, np.int64)
+    for half in range(2 * edges):
+        _prepend(heads, after, before, ends[half], half)
+    errors = np.empty(count)
+    for region in range(count):
+        errors[region] = _error(sums[region])
+    union = np.empty(_SUMS)
+    costs = np.empty(edges)
+    heap, places = np.arange(edges), np.arange(edges)
+    for edge in range(edges):
+        costs[edge] = _cost(sums, errors, ends[2 * edge], ends[2 * edge + 1], union)
+    waiting = edges
+    for place in range(edges // 2 - 1, -1, -1):
+        _sink(heap, places, costs, waiting, place)
+    parents = np.arange(count)
+    met = np.full(count, -1, np.int64)
+    left = count
+    only_fragments = False
+    while waiting > 0:
+        edge = heap[0]
+        keep, gone = ends[2 * edge], ends[2 * edge + 1]
+        only_fragments = only_fragments or (left <= n_segments and costs[edge] > tolerance)
+        waiting = _remove(heap, places, costs, waiting, edge)
+        if only_fragments and sums[keep, 0] >= min_size and sums[gone, 0] >= min_size:
+            continue
+        _unlink(heads, after, before, keep, 2 * edge)
+        _unlink(heads, after, before, gone, 2 * edge + 1)
+        if gone < keep:
+            keep, gone = gone, keep
+        parents[gone] = keep
+        left -= 1
+        for k in range(_SUMS):
+            sums[keep, k] += sums[gone, k]
+        errors[keep] = _error(sums[keep])
+        half = heads[keep]
+        while half >= 0:
+            met[ends[half ^ 1]] = keep
+            half = after[half]
+        # What is a neighbour of both stays one through the edge that it has with the region that stays.
+        half = heads[gone]
+        while half >= 0:
+            following = after[half]
+            other = ends[half ^ 1]
+            if met[other] == keep:
+                _unlink(heads, after, before, other, half ^ 1)
+                if places[half // 2] >= 0:
+                    waiting = _remove(heap, places, costs, waiting, half // 2)
+            else:
+                ends[half] = keep
+                _prepend(heads, after, before, keep, half)
+            half = following
+        half = heads[keep]
+        while half >= 0:
+            met[ends[half ^ 1]] = -1
+            edge = half // 2
+            if places[edge] >= 0:
+                costs[edge] = _cost(sums, errors, ends[half], ends[half ^ 1], union)
+                _rise(heap, places, costs, places[edge])
+                _sink(heap, places, costs, waiting, places[edge])
+            half = after[half]
+    for region in range(count):
+        # A parent has the smaller id, so that its own root is known by now.
+        parents[region] = parents[parents[region]]
+    return parents
+
+
+@compiled
+def _error(total):  # type: ignore[no-untyped-def]
+    """Squared error of a region's plane."""
+    return plane_fit(total[_DEPTH:_SQUARES], total[_SQUARES])[3] if total[_DEPTH] > 0 else 0.0
+
+
+@compiled
+def _cost(sums, errors, one, other, union):  # type: ignore[no-untyped-def]
+    """By how much the squared error rises when two regions merge; regions without depth are compared by colour."""
+    first, second = sums[one], sums[other]
+    n, m = first[0], second[0]
+    colors = 0.0
+    for k in range(1, _DEPTH):
+        apart = first[k] / n - second[k] / m
+        colors += apart * apart
+    cost = n * m / (n + m) * colors
+    if first[_DEPTH] > 0 and second[_DEPTH] > 0:
+        for k in range(_DEPTH, _SUMS):
+            union[k] = first[k] + second[k]
+        cost += max(_error(union) - errors[one] - errors[other], 0.0)
+    return cost
+
+
+@compiled
+def _prepend(heads, after, before, region, half):  # type: ignore[no-untyped-def]
+    first = heads[region]
+    after[half], before[half] = first, -1
+    if first >= 0:
+        before[first] = half
+    heads[region] = half
+
+
+@compiled
+def _unlink(heads, after, before, region, half):  # type: ignore[no-untyped-def]
+    if before[half] >= 0:
+        after[before[half]] = after[half]
+    else:
+        heads[region] = after[half]
+    if after[half] >= 0:
+        before[after[half]] = before[half]
+
+
+@compiled
+def _remove(heap, places, costs, waiting, edge):  # type: ignore[no-untyped-def]
+    """Take an edge out of the heap, and return how many are left."""
+    place = places[edge]
+    waiting -= 1
+    moved = heap[waiting]
+    places[edge] = -1
+    if place < waiting:
+        heap[place], places[moved] = moved, place
+        _rise(heap, places, costs, place)
+        _sink(heap, places, costs, waiting, places[moved])
+    return waiting
+
+
+@compiled
+def _rise(heap, places, costs, place):  # type: ignore[no-untyped-def]
+    edge = heap[place]
+    while place > 0:
+        above = (place - 1) // 2
+        if costs[heap[above]] <= costs[edge]:
+            break
+        heap[place], places[heap[above]] = heap[above], place
+        place = above
+    heap[place], places[edge] = edge, place
+
+
+@compiled
+def _sink(heap, places, costs, waiting, place):  # type: ignore[no-untyped-def]
+    edge = heap[place]
+    while 2 * place + 1 < waiting:
+        below = 2 * place + 1
+        if below + 1 < waiting and costs[heap[below + 1]] < costs[heap[below]]:
+            below += 1
+        if costs[heap[below]] >= costs[edge]:
+            break
+        heap[place], places[heap[below]] = heap[below], place
+        place = below
+    heap[place], places[edge] = edge, place
