@@ -113,7 +113,7 @@ def partition_graph(data: Data, classification: Classification, partition: Parti
     length = data.border_length.cpu().numpy()
     area = data.area.cpu().numpy()
     probability = classification.edge_probability
-    segment = partition(len(area), pairs, probability, length)
+    segment = partition(len(area), pairs, probability, length, classification.objectness)
     count = int(segment.max(initial=-1)) + 1
     segment_area = np.bincount(segment, area, count)
 

@@ -12,7 +12,12 @@ class Partitioner(Protocol):
     """Groups the superpixels of a graph into segments."""
 
     def __call__(
-        self, num_nodes: int, pairs: ArrayLike, probability: ArrayLike, border_length: ArrayLike
+        self,
+        num_nodes: int,
+        pairs: ArrayLike,
+        probability: ArrayLike,
+        border_length: ArrayLike,
+        objectness: ArrayLike | None = None,
     ) -> NDArray[np.int64]:
         """Partition a graph.
 
@@ -21,6 +26,7 @@ class Partitioner(Protocol):
             pairs: int [2, E], the two ends of each edge; either order, no edge from a superpixel to itself.
             probability: float [E], probability that the two ends belong to one instance.
             border_length: float [E], pixels along which the two ends touch.
+            objectness: float [N], probability that each superpixel belongs to an object; None if it is not known.
 
         Returns:
             int64 [N], segment of each superpixel, 0 to S-1, numbered in the order of first appearance.
@@ -65,6 +71,51 @@ def check_graph(
     if not (length.min() >= 0 and length.max() < np.inf):
         raise ValueError(f"border lengths must be finite and not negative, got {length.min()} to {length.max()}")
     return ends, merge, length
+
+
+def joint_probability(
+    pairs: NDArray[np.int64], probability: NDArray[np.float64], objectness: ArrayLike | None, weight: float
+) -> NDArray[np.float64]:
+    """Lower the merge probability of superpixels that differ in being an object.
+
+    An object and the table beneath it are never one instance. So the probability p of an edge becomes
+    p · (1 - |o_i - o_j|)^weight, with the objectness o of its ends: the edge must speak for merging, and the ends must
+    agree on what they are.
+
+    Args:
+        pairs: int64 [2, E].
+        probability: float64 [E], of the edges alone.
+        objectness: float [N], 0 to 1; None if it is not known.
+        weight: How much the objectness says; 0 for nothing.
+
+    Returns:
+        float64 [E], 0 to 1; the given one if the objectness says nothing.
+
+    Raises:
+        ValueError: If an objectness isn't in 0 to 1 or there are too few for the pairs.
+    """
+    if objectness is None or weight == 0:
+        return probability
+    node = np.asarray(objectness, dtype=np.float64)
+    if node.ndim != 1 or (pairs.size and pairs.max() >= len(node)):
+        raise ValueError(f"there must be one objectness for each superpixel, got shape {list(node.shape)}")
+    if node.size and not (node.min() >= 0 and node.max() <= 1):
+        raise ValueError(
+            f"objectness must be in 0 to 1, got {node.min()} to {node.max()}: apply the sigmoid to logits first"
+        )
+    joint: NDArray[np.float64] = probability * (1 - np.abs(node[pairs[0]] - node[pairs[1]])) ** weight
+    return joint
+
+
+def check_objectness_weight(weight: float) -> float:
+    """Check how much the objectness says in a partition.
+
+    Raises:
+        ValueError: if it is negative or not finite.
+    """
+    if not 0 <= weight < np.inf:
+        raise ValueError(f"objectness_weight must be a finite number from 0 on, got {weight}")
+    return float(weight)
 
 
 def check_threshold(threshold: float) -> float:

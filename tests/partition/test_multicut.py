@@ -1,43 +1,20 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
-from pathlib import Path
 
 import networkx as nx
 import numpy as np
 import pytest
-from hydra.utils import instantiate
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from omegaconf import OmegaConf
 
-from sgbd.partition import ConnectedComponents, GreedyMulticut, greedy_additive_edge_contraction, multicut_cost
-
-
-def partitions(num_nodes: int) -> Iterator[np.ndarray]:
-    """All partitions of a set, as restricted growth strings."""
-
-    def grow(prefix: list[int]) -> Iterator[list[int]]:
-        if len(prefix) == num_nodes:
-            yield prefix
-            return
-        for group in range(max(prefix, default=-1) + 2):
-            yield from grow([*prefix, group])
-
-    yield from (np.array(partition, dtype=np.int64) for partition in grow([]))
-
-
-def graphs(num_nodes: int) -> Iterator[np.ndarray]:
-    """All graphs on labelled nodes, as pairs [2, E]."""
-    every = list(itertools.combinations(range(num_nodes), 2))
-    for size in range(len(every) + 1):
-        for pairs in itertools.combinations(every, size):
-            yield np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-
-
-def least_cost(num_nodes: int, pairs: np.ndarray, weight: np.ndarray) -> float:
-    return min(multicut_cost(pairs, weight, segment) for segment in partitions(num_nodes))
+from sgbd.partition import (
+    ConnectedComponents,
+    GreedyMulticut,
+    greedy_additive_edge_contraction,
+    multicut_cost,
+)
+from tests.partition.graphs import graphs, least_cost, partitions, signed_weights
 
 
 def contract_slowly(num_nodes: int, pairs: np.ndarray, weight: np.ndarray) -> np.ndarray:
@@ -61,12 +38,6 @@ def contract_slowly(num_nodes: int, pairs: np.ndarray, weight: np.ndarray) -> np
     for number, group in enumerate(sorted(groups, key=min)):
         segment[list(group)] = number
     return segment
-
-
-def signed_weights(count: int, seed: int) -> np.ndarray:
-    """Distinct weights whose sums are exact, so that no order of adding them matters."""
-    generator = np.random.default_rng(seed)
-    return generator.integers(-(2**20), 2**20, count) / 2**10 + generator.permutation(count) / 2**20
 
 
 @pytest.mark.parametrize("num_nodes", [1, 2, 3, 4, 5])
@@ -167,42 +138,8 @@ def test_weights_of_edges():
     assert GreedyMulticut(epsilon=0.1).weights(probability, length)[3] == pytest.approx(np.log(9))
 
 
-@pytest.mark.parametrize("partition", [GreedyMulticut(), ConnectedComponents()])
-def test_graphs_without_edges_or_nodes(partition: GreedyMulticut | ConnectedComponents):
-    nothing = np.empty(0, dtype=np.float32)
-    assert partition(0, np.empty((2, 0), dtype=np.int64), nothing, nothing).shape == (0,)
-    assert partition(3, np.empty((2, 0), dtype=np.int64), nothing, nothing).tolist() == [0, 1, 2]
-    assert partition(1, np.empty((2, 0), dtype=np.int64), nothing, nothing).dtype == np.int64
-
-
-@pytest.mark.parametrize("partition", [GreedyMulticut(), ConnectedComponents()])
-@pytest.mark.parametrize(
-    ("num_nodes", "pairs", "probability", "length", "message"),
-    [
-        (2, [0, 1], [0.5], [1], r"shape \[2, E\]"),
-        (2, [[0], [1]], [0.5, 0.5], [1], r"must have shape \[1\]"),
-        (2, [[0], [1]], [0.5], [], r"must have shape \[1\]"),
-        (2, [[0], [2]], [0.5], [1], "superpixels 0 to 1"),
-        (2, [[1], [1]], [0.5], [1], "paired with itself"),
-        (2, [[0], [1]], [1.5], [1], "apply the sigmoid"),
-        (2, [[0], [1]], [float("nan")], [1], "must be in 0 to 1"),
-        (2, [[0], [1]], [0.5], [-1], "border lengths"),
-        (-1, [[], []], [], [], "must not be negative"),
-    ],
-)
-def test_what_is_no_graph(partition, num_nodes, pairs, probability, length, message):
-    with pytest.raises(ValueError, match=message):
-        partition(num_nodes, pairs, probability, length)
-
-
 def test_options_that_do_not_exist():
     with pytest.raises(ValueError, match="'length', 'log' or 'none'"):
         GreedyMulticut(border_weight="area")
     with pytest.raises(ValueError, match="epsilon"):
         GreedyMulticut(epsilon=0)
-
-
-def test_the_shipped_configurations():
-    folder = Path(__file__).parents[2] / "conf" / "partition"
-    assert repr(instantiate(OmegaConf.load(folder / "multicut.yaml"))) == repr(GreedyMulticut())
-    assert repr(instantiate(OmegaConf.load(folder / "components.yaml"))) == repr(ConnectedComponents())

@@ -1,0 +1,202 @@
+"""Agglomeration of signed graphs by edge contraction, in order of the strength of what links two segments.
+
+One loop for three partitioners, which differ in how the weights of parallel edges combine (the *linkage*): A. Bailoni,
+C. Pape, N. Hütsch, S. Wolf, T. Beier, A. Kreshuk, F. A. Hamprecht, "GASP, a generalized framework for agglomerative
+clustering of signed graphs and its application to instance segmentation", CVPR 2022, algorithm 1,
+doi:10.1109/CVPR52688.2022.01135.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgbd.compiled import compiled
+from sgbd.partition.heap import pop, push
+from sgbd.partition.partitioner import number_by_first_appearance
+
+Linkage = Literal["sum", "mean", "absolute_maximum"]
+
+_SUM, _MEAN, _ABSOLUTE_MAXIMUM = 0, 1, 2
+_CODES = {"sum": _SUM, "mean": _MEAN, "absolute_maximum": _ABSOLUTE_MAXIMUM}
+
+
+def agglomerate(
+    num_nodes: int,
+    pairs: NDArray[np.int64],
+    weight: NDArray[np.float64],
+    linkage: Linkage = "sum",
+    share: NDArray[np.float64] | None = None,
+    cannot_link: bool = False,
+) -> NDArray[np.int64]:
+    """Partition a graph with signed edge weights by contracting its strongest edge again and again.
+
+    Edges that become parallel are one from then on, of the strength that the linkage says. Without `cannot_link` the
+    edge of greatest strength is contracted as long as it is positive. With it, edges come in the order of their
+    absolute strength, and a negative one forbids its two segments, and all they become part of, to be joined ever.
+
+    Equal strengths come in the order of the edges' ends, so the result does not depend on chance or on the order of the
+    pairs (but for the rounding of sums).
+
+    Args:
+        num_nodes: Number of superpixels N.
+        pairs: int64 [2, E], ends of each edge, no loops. Repeated pairs count as one edge, combined by the linkage.
+        weight: float64 [E], positive for merging.
+        linkage: Strength of several edges between two segments: the `sum` of their weights (greedy additive edge
+            contraction), the `mean` weighted by `share` (average linkage), or the weight of greatest absolute value
+            (`absolute_maximum`, which with `cannot_link` is the mutex watershed).
+        share: float64 [E], positive, how much each edge counts in a mean; None for all the same. Only for `mean`.
+        cannot_link: Whether negative edges forbid.
+
+    Returns:
+        int64 [N], segment of each superpixel, numbered in the order of first appearance.
+    """
+    if num_nodes == 0:
+        return np.empty(0, dtype=np.int64)
+    key = np.minimum(pairs[0], pairs[1]) * num_nodes + np.maximum(pairs[0], pairs[1])
+    total = np.array(weight, dtype=np.float64)
+    share = np.ones(len(key)) if share is None else np.array(share, dtype=np.float64)
+    if linkage == "mean":
+        total *= share
+    if not (key[1:] > key[:-1]).all():
+        if linkage == "absolute_maximum":
+            # Of a repeated pair the strongest edge stays, of equally strong ones the attractive.
+            order = np.lexsort((-total, -np.abs(total), key))
+            kept = order[np.concatenate([[True], key[order][1:] != key[order][:-1]])]
+            key, total, share = key[kept], total[kept], share[kept]
+        else:
+            key, edge = np.unique(key, return_inverse=True)
+            total = np.bincount(edge, weights=total, minlength=len(key))
+            share = np.bincount(edge, weights=share, minlength=len(key))
+    first, second = np.divmod(key, num_nodes)
+    if linkage == "absolute_maximum":
+        # Signed ranks instead of weights: no two are equal, so a tie is decided once and for all, by the edges' order.
+        rank = np.empty(len(total))
+        rank[np.argsort(-np.abs(total), kind="stable")] = np.arange(len(total), 0, -1)
+        total = np.where(total > 0, rank, -rank)
+    return number_by_first_appearance(_contract(num_nodes, first, second, total, share, _CODES[linkage], cannot_link))
+
+
+@compiled
+def _contract(
+    num_nodes: int,
+    first: NDArray[np.int64],
+    second: NDArray[np.int64],
+    total: NDArray[np.float64],
+    share: NDArray[np.float64],
+    linkage: int,
+    cannot_link: bool,
+) -> NDArray[np.int64]:
+    """Contract edges greedily; `total` and `share` are used up. Returns a representative of each superpixel's group.
+
+    The strength of an edge is `total`, or `total` / `share` if the linkage is the mean.
+    """
+    num_edges = len(total)
+    strength = total / share if linkage == _MEAN else total.copy()
+    parent = np.arange(num_nodes)
+    # Edge e is the two half-edges 2e and 2e + 1; `end` says where a half-edge starts, its other half where it leads.
+    # The half-edges of a node form a linked list from `head` to `tail`; those of dead edges are skipped and dropped.
+    end = np.empty(2 * num_edges, dtype=np.int64)
+    following = np.full(2 * num_edges, -1, dtype=np.int64)
+    head = np.full(num_nodes, -1, dtype=np.int64)
+    tail = np.full(num_nodes, -1, dtype=np.int64)
+    degree = np.zeros(num_nodes, dtype=np.int64)
+    alive = np.ones(num_edges, dtype=np.bool_)
+    for half in range(2 * num_edges):
+        node = first[half >> 1] if half & 1 == 0 else second[half >> 1]
+        end[half] = node
+        if head[node] < 0:
+            head[node] = half
+        else:
+            following[tail[node]] = half
+        tail[node] = half
+        degree[node] += 1
+
+    # The heap may hold outdated strengths of an edge; they are recognised when they come up. An edge enters it once for
+    # itself and once for each edge that it absorbs.
+    forbidden = np.zeros(num_edges, dtype=np.bool_)
+    heap_key = np.empty(2 * num_edges, dtype=np.float64)
+    heap_edge = np.empty(2 * num_edges, dtype=np.int64)
+    size = 0
+    for edge in range(num_edges):
+        if cannot_link or strength[edge] > 0:
+            size = push(heap_key, heap_edge, size, abs(strength[edge]), edge)
+    edge_to = np.full(num_nodes, -1, dtype=np.int64)  # the kept node's edge to each of its neighbours
+    while size > 0:
+        greatest, contracted = heap_key[0], heap_edge[0]
+        size = pop(heap_key, heap_edge, size)
+        if not alive[contracted] or forbidden[contracted] or abs(strength[contracted]) != greatest:
+            continue
+        if strength[contracted] <= 0:
+            forbidden[contracted] = cannot_link
+            continue
+        kept, gone = end[2 * contracted], end[2 * contracted + 1]
+        if degree[kept] < degree[gone]:
+            kept, gone = gone, kept
+        alive[contracted] = False
+        parent[gone] = kept
+
+        half = head[kept]
+        last = -1
+        degree[kept] = 0
+        while half >= 0:
+            upcoming = following[half]
+            if alive[half >> 1]:
+                edge_to[end[half ^ 1]] = half >> 1
+                degree[kept] += 1
+                if last < 0:
+                    head[kept] = half
+                else:
+                    following[last] = half
+                last = half
+            half = upcoming
+
+        half = head[gone]
+        while half >= 0:
+            upcoming = following[half]
+            edge = half >> 1
+            if alive[edge]:
+                neighbour = end[half ^ 1]
+                parallel = edge_to[neighbour]
+                if parallel >= 0:
+                    if linkage == _ABSOLUTE_MAXIMUM:
+                        if abs(total[edge]) > abs(total[parallel]):
+                            total[parallel] = total[edge]
+                        strength[parallel] = total[parallel]
+                    else:
+                        total[parallel] += total[edge]
+                        share[parallel] += share[edge]
+                        strength[parallel] = total[parallel] / share[parallel] if linkage == _MEAN else total[parallel]
+                    forbidden[parallel] |= forbidden[edge]
+                    alive[edge] = False
+                    if not forbidden[parallel] and (cannot_link or strength[parallel] > 0):
+                        size = push(heap_key, heap_edge, size, abs(strength[parallel]), parallel)
+                else:
+                    end[half] = kept
+                    degree[kept] += 1
+                    if last < 0:
+                        head[kept] = half
+                    else:
+                        following[last] = half
+                    last = half
+            half = upcoming
+
+        tail[kept] = last
+        if last < 0:
+            head[kept] = -1
+        else:
+            following[last] = -1
+        half = head[kept]
+        while half >= 0:
+            edge_to[end[half ^ 1]] = -1
+            half = following[half]
+
+    for node in range(num_nodes):
+        root = node
+        while parent[root] != root:
+            parent[root] = parent[parent[root]]
+            root = parent[root]
+        parent[node] = root
+    return parent
