@@ -68,8 +68,8 @@ def agglomerate(
             key, total, share = key[kept], total[kept], share[kept]
         else:
             key, edge = np.unique(key, return_inverse=True)
-            total = np.bincount(edge, weights=total, minlength=len(key))
-            share = np.bincount(edge, weights=share, minlength=len(key))
+            total = np.bincount(edge, weights=total, minlength=len(key)).astype(np.float64)
+            share = np.bincount(edge, weights=share, minlength=len(key)).astype(np.float64)
     first, second = np.divmod(key, num_nodes)
     if linkage == "absolute_maximum":
         # Signed ranks instead of weights: no two are equal, so a tie is decided once and for all, by the edges' order.
