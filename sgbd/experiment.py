@@ -12,7 +12,9 @@ from hydra.utils import instantiate
 from lightning_fabric import seed_everything
 from omegaconf import DictConfig
 
+from sgbd.atomic_file import write_whole
 from sgbd.batches import FIELDS
+from sgbd.checkpoint import Checkpoint
 from sgbd.configuration import ConfigurationError, count_workers
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.evaluation import Evaluation, Evaluator, with_truth
@@ -23,6 +25,7 @@ from sgbd.plot import curves_figure
 from sgbd.results import draw_examples, example_frames, write_evaluation, write_figure
 from sgbd.segmenter import Segmenter
 from sgbd.training import Trainer, TrainingResult
+from sgbd.tuning import TUNING_FILE
 from sgbd.untrained import trusted_packages, untrained_checkpoint
 
 log = logging.getLogger(__name__)
@@ -57,7 +60,7 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
         What `result.json` holds: scores, parameters, best epoch and the checkpoint's file name.
 
     Raises:
-        ConfigurationError: If the dataset has no training split.
+        ConfigurationError: If the dataset has no training split, or no validation split to choose thresholds on.
     """
     workers = count_workers(config.workers)
     _check(config)
@@ -68,6 +71,10 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
         raise ConfigurationError(
             f"the dataset has no training frames, only {', '.join(splits)}. Choose another dataset, or score a trained "
             "model on this one: python -m sgbd.evaluate"
+        )
+    if config.tuning is not None and "val" not in splits:
+        raise ConfigurationError(
+            "the dataset has no validation frames to choose thresholds on; keep the configured ones with tuning=none"
         )
     # Before the frames are prepared: an impossible model is better known at once.
     seed_everything(config.seed, verbose=False)
@@ -85,7 +92,8 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
 
     validate = None
     if "val" in splits:
-        validate = Validation(graphs("val"), Evaluator(partition, rule, boundaries=False))
+        validation = graphs("val")
+        validate = Validation(validation, Evaluator(partition, rule, boundaries=False))
     else:
         log.warning("the dataset has no validation frames: the last epoch's weights are kept")
 
@@ -110,6 +118,8 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
         loggers=[instantiate(logger) for logger in config.logger.values()],
     )
     _draw_curves(trained, folder)
+    if config.tuning is not None:
+        _tune(config, validation, trained.checkpoint, folder)
     outcome = {
         "checkpoint": trained.checkpoint.name,
         "parameters": sum(parameter.numel() for parameter in model.parameters()),
@@ -139,6 +149,22 @@ def _check(config: DictConfig) -> None:
             instantiate({"_target_": group._target_, "_partial_": True})
     for group in (config.partition, config.objects, config.trainer, config.sampler, config.superpixels, config.graph):
         instantiate(group)
+    if config.tuning is not None:
+        instantiate(config.tuning)
+
+
+def _tune(config: DictConfig, validation: SuperpixelGraphDataset, path: Path, folder: Path) -> None:
+    """Choose thresholds on the validation frames, and write them into the checkpoint."""
+    trust = trusted_packages(config)
+    checkpoint = Checkpoint.load(path, trust)
+    # From the configuration: a job that is gone on with finds thresholds in the file that are tuned already.
+    recipe = untrained_checkpoint(config).recipe
+    tuned = instantiate(config.tuning)(
+        validation, checkpoint.model, checkpoint.objectness, recipe["partition"], recipe["objects"], trust
+    )
+    checkpoint.recipe |= {"partition": tuned.partition, "objects": tuned.objects, "tuning": tuned.summary}
+    write_whole(folder / TUNING_FILE, tuned.table.to_csv(index=False).encode())
+    checkpoint.save(path)
 
 
 def _test(

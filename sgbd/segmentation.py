@@ -96,6 +96,19 @@ class ObjectRule:
         if not 0 <= self.min_objectness <= 1 or self.min_area < 0:
             raise ValueError(f"objects.min_objectness must lie in 0..1 and objects.min_area be at least 0; got {self}")
 
+    def accepts(self, objectness: npt.NDArray[np.floating], area: npt.NDArray[np.number]) -> npt.NDArray[np.bool_]:
+        """Say of each segment whether it is an object.
+
+        Args:
+            objectness: float [S], mean objectness.
+            area: [S], pixels.
+
+        Returns:
+            bool [S].
+        """
+        accepted: npt.NDArray[np.bool_] = (objectness >= self.min_objectness) & (area >= self.min_area)
+        return accepted
+
 
 def partition_graph(data: Data, classification: Classification, partition: Partitioner, rule: ObjectRule) -> Segments:
     """Partition a classified graph and judge its segments.
@@ -138,7 +151,7 @@ def partition_graph(data: Data, classification: Classification, partition: Parti
         area=segment_area.astype(np.int64),
         objectness=objectness.astype(np.float32),
         score=(objectness * confidence).astype(np.float32),
-        is_object=(objectness >= rule.min_objectness) & (segment_area >= rule.min_area),
+        is_object=rule.accepts(objectness, segment_area),
     )
 
 

@@ -2,6 +2,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig
@@ -58,6 +59,29 @@ def test_what_an_experiment_leaves(tmp_path: Path) -> None:
     assert segmenter.recipe["seed"] == 0
     assert segmenter.recipe["dataset"]["name"] == "scenes"
     assert np.isfinite(segmenter.segment_frame(scene(0)).edge_probability).all()
+
+
+def test_tuned_thresholds_are_in_the_checkpoint(tmp_path: Path) -> None:
+    config = small(tmp_path)
+    config.tuning = {
+        "_target_": "sgbd.tuning.Tuning",
+        "threshold": [0.3, 0.7],
+        "min_objectness": [0.2, 0.6],
+        "min_area": [0],
+        "rounds": 0,
+    }
+    folder = tmp_path / "out"
+    result = run_experiment(config, folder)
+    table = pd.read_csv(folder / "tuning.csv")
+    recipe = Segmenter.load(folder / result["checkpoint"]).recipe
+    assert recipe["partition"]["threshold"] == table["threshold"][0]
+    assert recipe["objects"]["min_objectness"] == table["min_objectness"][0]
+    assert recipe["tuning"]["frames"] == 2
+    assert recipe["tuning"]["before"] <= recipe["tuning"]["after"] == pytest.approx(table["mean"][0])
+    # Gone on with after the training, it finds the same, not what it would find from there.
+    before = (folder / result["checkpoint"]).read_bytes()
+    assert run_experiment(config, folder)["scores"] == result["scores"]
+    assert (folder / result["checkpoint"]).read_bytes() == before
 
 
 def test_a_dataset_without_training_frames_is_refused(tmp_path: Path) -> None:

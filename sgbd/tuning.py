@@ -1,0 +1,300 @@
+"""Thresholds chosen on validation frames: where edges merge, and from when a segment is an object."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from torch import nn
+from torch_geometric.data import Data
+
+from sgbd.checkpoint import instantiate
+from sgbd.label_map import unpack
+from sgbd.metrics import ContingencyTable, objects_by_majority, score_frame
+from sgbd.partition import Partitioner
+from sgbd.segmentation import Classification, ObjectRule, Segments, classify, partition_graph
+from sgbd.torch_threads import torch_threads
+
+log = logging.getLogger(__name__)
+
+TUNING_FILE = "tuning.csv"
+"""Name of the table of all settings tried, in the folder of a training."""
+
+OVERLAP_SCORES = ("overlap_f", "f75")
+SCORES = (*OVERLAP_SCORES, "boundary_f")
+PARTITION_PARAMETERS = ("threshold", "border_weight", "objectness_weight")
+RULE_PARAMETERS = ("min_objectness", "min_area")
+
+Setting = dict[str, Any]
+MakePartitioner = Callable[[Mapping[str, Any]], Partitioner]
+
+
+@dataclass(frozen=True, eq=False)
+class TuningResult:
+    """What a search has found.
+
+    Attributes:
+        partition: The best partitioner's configuration.
+        objects: The best rule's configuration.
+        summary: For the recipe of a checkpoint: protocol, scores that were averaged, frames, and the mean before and
+            after.
+        table: One row for each setting tried, the best first; those without `boundary_f` were no finalists.
+    """
+
+    partition: dict[str, Any]
+    objects: dict[str, Any]
+    summary: dict[str, Any]
+    table: pd.DataFrame
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """A search over the parameters of the partitioner and of the rule of what an object is.
+
+    It maximises the mean of overlap F, F@.75 and boundary F on the validation frames: of the model's own objects
+    (`unaided`) if it has an objectness head, else of the merging alone (`all`), where no rule plays a part.
+
+    First every combination of the given values is tried, then, round by round, values half-way between the best one and
+    those tried on either side of it. All this without contours, which take most of the time; with them the finalists
+    are compared, among them the setting that the search started from, so that the result is never worse than that on
+    these frames. Each graph goes through the networks once. Nothing is drawn at random.
+
+    Attributes:
+        threshold: Of the partitioner: merge probabilities.
+        border_weight: Of the partitioner.
+        objectness_weight: Of the partitioner; only with an objectness head.
+        min_objectness: Of the rule; only with an objectness head.
+        min_area: Of the rule, pixels; only with an objectness head.
+        rounds: Rounds of refinement of all that are numbers.
+        finalists: How many settings are compared with contours.
+    """
+
+    threshold: Sequence[float] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+    border_weight: Sequence[str] = ("length", "log", "none")
+    objectness_weight: Sequence[float] = (0.0, 1.0)
+    min_objectness: Sequence[float] = (0.2, 0.35, 0.5, 0.65, 0.8)
+    min_area: Sequence[int] = (50, 100, 200, 400)
+    rounds: int = 2
+    finalists: int = 5
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            ValueError: If there is nothing to try.
+        """
+        for name in (*PARTITION_PARAMETERS, *RULE_PARAMETERS):
+            values = getattr(self, name)
+            if isinstance(values, str) or not len(values):
+                raise ValueError(f"tuning.{name} must be a list of values to try; got {values!r}")
+        if self.rounds < 0 or self.finalists < 1:
+            raise ValueError(
+                f"tuning.rounds must be at least 0 and tuning.finalists at least 1; got {self.rounds} and "
+                f"{self.finalists}"
+            )
+
+    def __call__(
+        self,
+        graphs: Iterable[Data],
+        model: nn.Module,
+        objectness: nn.Module | None,
+        partition: Mapping[str, Any],
+        objects: Mapping[str, Any],
+        trust: Sequence[str] = (),
+    ) -> TuningResult:
+        """Search.
+
+        Args:
+            graphs: Validation graphs with truth and packed maps.
+            model: The edge model, in evaluation mode.
+            objectness: The objectness head, if there is one, in evaluation mode.
+            partition: The partitioner's configuration, from which the search starts. Of its parameters those are
+                searched that its class has under the names above; the others stay.
+            objects: The rule's configuration.
+            trust: Packages beside `sgbd` whose classes the configurations may name.
+
+        Returns:
+            The best configurations and the table of all that were tried.
+
+        Raises:
+            ValueError: If there are no graphs, or one has no truth.
+        """
+        with torch_threads(1):
+            classified = [(data, classify(model, objectness, data)) for data in graphs]
+        if not classified:
+            raise ValueError("there are no validation graphs to tune on; give the dataset some, or use tuning=none")
+        for data, _ in classified:
+            if "overlap_count" not in data:
+                raise ValueError(f"frame {data.name!r} has no ground truth: thresholds cannot be chosen on it")
+
+        def partitioner(setting: Mapping[str, Any]) -> Partitioner:
+            chosen = {name: value for name, value in setting.items() if name in PARTITION_PARAMETERS}
+            made: Partitioner = instantiate({**partition, **chosen}, object, trust)  # type: ignore[assignment]
+            return made
+
+        rule = instantiate(objects, ObjectRule, trust)
+        start = {name: getattr(partitioner({}), name, None) for name in PARTITION_PARAMETERS}
+        start |= {name: getattr(rule, name) for name in RULE_PARAMETERS}
+        names = [name for name in PARTITION_PARAMETERS if start[name] is not None]
+        if objectness is None:
+            names = [name for name in names if name != "objectness_weight"]
+        else:
+            names += RULE_PARAMETERS
+        start = {name: start[name] for name in names}
+        search = _Search(classified, partitioner, unaided=objectness is not None)
+        best = self._search(search, start, names)
+        before, after = search.tried[_key(start)], search.tried[_key(best)]
+        table = search.table(names)
+        log.info(
+            "tuned on %d frames, %s mean of %s: %.4f before (%s), %.4f now (%s)",
+            len(classified), search.protocol, ", ".join(SCORES), _mean(before), _told(start), _mean(after), _told(best),
+        )  # fmt: skip
+        return TuningResult(
+            {**partition, **{name: best[name] for name in names if name in PARTITION_PARAMETERS}},
+            {**objects, **{name: best[name] for name in names if name in RULE_PARAMETERS}},
+            {
+                "protocol": search.protocol,
+                "scores": list(SCORES),
+                "frames": len(classified),
+                "before": _mean(before),
+                "after": _mean(after),
+            },
+            table,
+        )
+
+    def _search(self, search: _Search, start: Setting, names: Sequence[str]) -> Setting:
+        values = {name: list(dict.fromkeys([*getattr(self, name)])) for name in names}
+        tried = {name: {*values[name], start[name]} for name in names}
+        search.score([start])
+        search.score(_combinations(values))
+        for _ in range(self.rounds):
+            best = search.best(1)[0]
+            values = {name: _around(best[name], tried[name]) for name in names}
+            for name in names:
+                tried[name] |= {*values[name]}
+            search.score(_combinations(values))
+        finalists = search.best(self.finalists)
+        # The start comes first: another setting wins only if it is better.
+        return search.final([start, *(setting for setting in finalists if setting != start)])
+
+
+class _Search:
+    """Settings tried so far, with their scores."""
+
+    def __init__(
+        self, classified: Sequence[tuple[Data, Classification]], partitioner: MakePartitioner, unaided: bool
+    ) -> None:
+        self.classified = classified
+        self.partitioner = partitioner
+        self.unaided = unaided
+        self.protocol = "unaided" if unaided else "all"
+        self.settings: list[Setting] = []
+        self.tried: dict[tuple[Any, ...], dict[str, float]] = {}
+
+    def score(self, settings: Iterable[Setting]) -> None:
+        """Score settings without contours; those that share a partition need it once."""
+        by_partition: dict[tuple[Any, ...], list[Setting]] = {}
+        for setting in settings:
+            if _key(setting) not in self.tried:
+                self.tried[_key(setting)] = {}
+                self.settings.append(setting)
+                shared = tuple(setting.get(name) for name in PARTITION_PARAMETERS)
+                by_partition.setdefault(shared, []).append(setting)
+        for group in by_partition.values():
+            partitioned = [(data, *self._partition(data, known, group[0])) for data, known in self.classified]
+            for setting in group:
+                rows = [self._overlap(table, segments, setting) for _, segments, table in partitioned]
+                means = np.mean(rows, axis=0)
+                self.tried[_key(setting)] = dict(zip(OVERLAP_SCORES, means.tolist(), strict=True))
+
+    def final(self, settings: Sequence[Setting]) -> Setting:
+        """Score settings with contours too, and return the best; of equal ones the first."""
+        for setting in settings:
+            scores = []
+            for data, known in self.classified:
+                segments, table = self._partition(data, known, setting)
+                label_map, truth = (unpack(packed, _size(data)) for packed in (data.label_map, data.truth_map))
+                frame = score_frame(
+                    table,
+                    self._objects(table, segments, setting),
+                    prediction=segments.segment[label_map],
+                    truth=truth,
+                )
+                assert frame.boundary is not None
+                scores.append(frame.boundary.f_measure)
+            self.tried[_key(setting)]["boundary_f"] = float(np.mean(scores))
+        return max(settings, key=lambda setting: _mean(self.tried[_key(setting)]))
+
+    def best(self, count: int) -> list[Setting]:
+        """Return the settings with the best scores without contours, the best first; of equal ones the first tried."""
+        order = sorted(self.settings, key=lambda setting: -_mean(self.tried[_key(setting)], OVERLAP_SCORES))
+        return order[:count]
+
+    def table(self, names: Sequence[str]) -> pd.DataFrame:
+        """Return all settings with their scores, finalists first, the best on top."""
+        rows = [{**setting, **self.tried[_key(setting)]} for setting in self.settings]
+        frame = pd.DataFrame(rows, columns=[*names, *SCORES])
+        frame["mean"] = frame[list(SCORES)].mean(axis=1, skipna=False)
+        frame["mean_without_contours"] = frame[list(OVERLAP_SCORES)].mean(axis=1)
+        return frame.sort_values(["mean", "mean_without_contours"], ascending=False, kind="stable", ignore_index=True)
+
+    def _partition(
+        self, data: Data, classification: Classification, setting: Setting
+    ) -> tuple[Segments, ContingencyTable]:
+        segments = partition_graph(data, classification, self.partitioner(setting), ObjectRule())
+        overlaps = (data.overlap_index, data.overlap_instance, data.overlap_count)
+        table = ContingencyTable.from_superpixels(*(values.numpy() for values in overlaps), segments.segment)
+        return segments, table
+
+    def _objects(self, table: ContingencyTable, segments: Segments, setting: Setting) -> npt.NDArray[np.int64]:
+        if not self.unaided:
+            return objects_by_majority(table)
+        rule = ObjectRule(setting["min_objectness"], setting["min_area"])
+        return np.nonzero(rule.accepts(segments.objectness, segments.area))[0]
+
+    def _overlap(self, table: ContingencyTable, segments: Segments, setting: Setting) -> tuple[float, float]:
+        overlap = score_frame(table, self._objects(table, segments, setting)).overlap
+        return overlap.f_measure, overlap.detected_share
+
+
+def _size(data: Data) -> tuple[int, int]:
+    height, width = data.image_size[0].tolist()
+    return height, width
+
+
+def _key(setting: Mapping[str, Any]) -> tuple[Any, ...]:
+    return tuple(sorted(setting.items()))
+
+
+def _mean(scores: Mapping[str, float], names: Sequence[str] = SCORES) -> float:
+    return sum(scores[name] for name in names) / len(names)
+
+
+def _told(setting: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name}={value}" for name, value in setting.items())
+
+
+def _combinations(values: Mapping[str, Sequence[Any]]) -> list[Setting]:
+    return [dict(zip(values, combination, strict=True)) for combination in itertools.product(*values.values())]
+
+
+def _around(best: Any, tried: Iterable[Any]) -> list[Any]:
+    """Return the best value of a parameter and, if it is a number, those half-way to its neighbours among the tried."""
+    if isinstance(best, str):
+        return [best]
+    below = [value for value in tried if value < best]
+    above = [value for value in tried if value > best]
+    between = [
+        (best + neighbour) / 2
+        for neighbour in (max(below, default=None), min(above, default=None))
+        if neighbour is not None
+    ]
+    if isinstance(best, int):
+        between = [round(value) for value in between]
+    return list(dict.fromkeys([best, *(value if isinstance(best, int) else round(value, 6) for value in between)]))
