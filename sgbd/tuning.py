@@ -248,8 +248,8 @@ class _Search:
         self, data: Data, classification: Classification, setting: Setting
     ) -> tuple[Segments, ContingencyTable]:
         segments = partition_graph(data, classification, self.partitioner(setting), ObjectRule())
-        overlaps = (data.overlap_index, data.overlap_instance, data.overlap_count)
-        table = ContingencyTable.from_superpixels(*(values.numpy() for values in overlaps), segments.segment)
+        superpixel, instance, count = data.overlap_index, data.overlap_instance, data.overlap_count
+        table = ContingencyTable.from_superpixels(superpixel, instance, count, segments.segment)
         return segments, table
 
     def _objects(self, table: ContingencyTable, segments: Segments, setting: Setting) -> npt.NDArray[np.int64]:
