@@ -8,8 +8,8 @@ squared distance of a pixel to it is
     |f_p - f_c|^2 + |x_p - x_c|^2 / step^2 + v_p min((d_p - A - B row_p - C column_p)^2, cap) + missing (v_p - s_c)^2,
 
 with Lab colours f over the compactness, v = 1 where there is depth and 0 where it is missing, and s_c the share of the
-centre's pixels that have depth. Two faces of a box are cut where their planes cross, a slanted table is one surface,
-and quantised depth far away makes no steps. The cap makes the fit robust: pixels farther off take no part in it.
+centre's pixels that its plane was fitted to. Two faces of a box are cut where their planes cross, a slanted table is
+one surface, and quantised depth far away makes no steps. The cap makes the fit robust: pixels farther off take no part.
 
 Sources: Yamaguchi, McAllester, Urtasun, Efficient joint segmentation, occlusion labeling, stereo and flow estimation,
 ECCV 2014, DOI 10.1007/978-3-319-10602-1_49 (slanted planes); Achanta et al., TPAMI 2012, DOI 10.1109/TPAMI.2012.120.
@@ -43,7 +43,7 @@ UNKNOWN = 4.0
 """Squared distance of a pixel with depth to a centre that knows none."""
 
 MISSING = 1.0
-"""Weight of the squared difference between a pixel's validity and the share of valid pixels of a centre."""
+"""Weight of the squared difference between a pixel's validity and the share of a centre's pixels on its plane."""
 
 NEAREST = 0.1
 """Metres. Depth below is compared as if it were this."""
