@@ -38,7 +38,7 @@ FORMAT_VERSION = 1
 """Raised whenever an older reader would misread the file."""
 
 _METADATA = "sgbd"  # one key: safetensors does not keep the order of several, and equal checkpoints must be equal files
-_MODEL, _OBJECTNESS = "model.", "objectness."
+_MODEL, _OBJECTNESS, _FIRST_STAGE = "model.", "objectness.", "first_stage."
 
 Kind = TypeVar("Kind")
 
@@ -57,11 +57,14 @@ class Checkpoint:
         recipe: JSON values. `model` and `objectness` (null if there is none) are the configurations that make the
             modules anew, `node_channels` and `edge_channels` included; other sections (superpixels, graph, features,
             partition, dataset, scores, versions) are kept as they are.
+        first_stage: The model whose segments are this one's nodes, if it is a second stage
+            (`sgbd.agglomeration`); kept in the same file.
     """
 
     model: EdgeClassifier
     objectness: ObjectnessHead | None = None
     recipe: dict[str, Any] = field(default_factory=dict)
+    first_stage: Checkpoint | None = None
 
     def save(self, path: str | Path) -> Path:
         """Write the checkpoint atomically.
@@ -82,10 +85,10 @@ class Checkpoint:
 
     def to_bytes(self) -> bytes:
         """Return the content of the file; errors as `save`."""
-        self._check_recipe()
+        tensors, recipe = self._content()
         try:
             header = json.dumps(
-                {"format": FORMAT, "format_version": FORMAT_VERSION, "recipe": self.recipe},
+                {"format": FORMAT, "format_version": FORMAT_VERSION, "recipe": recipe},
                 allow_nan=False,
                 sort_keys=True,
             )
@@ -94,13 +97,22 @@ class Checkpoint:
                 f"the recipe must hold JSON values only ({error}); resolve a Hydra configuration with "
                 "OmegaConf.to_container(config, resolve=True)"
             ) from error
-        tensors = {f"{_MODEL}{key}": value for key, value in self.model.state_dict().items()}
-        if self.objectness is not None:
-            tensors |= {f"{_OBJECTNESS}{key}": value for key, value in self.objectness.state_dict().items()}
         content: bytes = safetensors.torch.save(
             {key: value.detach().cpu().contiguous() for key, value in tensors.items()}, metadata={_METADATA: header}
         )
         return content
+
+    def _content(self) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
+        """Return the tensors and the recipe, those of a first stage among them."""
+        self._check_recipe()
+        tensors = {f"{_MODEL}{key}": value for key, value in self.model.state_dict().items()}
+        if self.objectness is not None:
+            tensors |= {f"{_OBJECTNESS}{key}": value for key, value in self.objectness.state_dict().items()}
+        if self.first_stage is None:
+            return tensors, self.recipe
+        first_tensors, first_recipe = self.first_stage._content()
+        tensors |= {f"{_FIRST_STAGE}{key}": value for key, value in first_tensors.items()}
+        return tensors, {**self.recipe, "first_stage": first_recipe}
 
     def _check_recipe(self) -> None:
         for section, module in (("model", self.model), ("objectness", self.objectness)):
@@ -132,6 +144,19 @@ class Checkpoint:
         """
         path = Path(path)
         recipe, tensors = _read(path)
+        return cls._made(path, recipe, tensors, trust)
+
+    @classmethod
+    def _made(
+        cls, path: Path, recipe: dict[str, Any], tensors: Mapping[str, torch.Tensor], trust: Sequence[str]
+    ) -> Checkpoint:
+        first_recipe = recipe.pop("first_stage", None)
+        first_stage = None
+        if isinstance(first_recipe, dict):
+            own = {
+                key.removeprefix(_FIRST_STAGE): value for key, value in tensors.items() if key.startswith(_FIRST_STAGE)
+            }
+            first_stage = cls._made(path, first_recipe, own, trust)
         try:
             model = instantiate(recipe.get("model"), EdgeClassifier, trust)  # type: ignore[type-abstract]
             objectness = None
@@ -152,7 +177,7 @@ class Checkpoint:
                     f"another version of the model's class. {error}"
                 ) from error
             module.eval()
-        return cls(model, objectness, recipe)
+        return cls(model, objectness, recipe, first_stage)
 
     def require(self, **sections: Any) -> None:
         """Check that graphs or frames were made with the recipe of this checkpoint.

@@ -9,8 +9,9 @@ from typing import Any
 
 from torch_geometric.data import Data, Dataset
 
-from sgbd.features import EDGE_GROUPS, NODE_GROUPS, edge_columns, node_columns
+from sgbd.features import EDGE_GROUPS, EDGE_NAMES, NODE_GROUPS, NODE_NAMES, edge_columns, node_columns
 from sgbd.graph_file import FORMAT_VERSION, read_graph, stored_fields
+from sgbd.own_columns import with_own_columns
 from sgbd.preparation import INDEX_FILE, RECIPE_FILE, graph_file_name, read_index
 from sgbd.recipe import Recipe
 
@@ -78,9 +79,10 @@ class SuperpixelGraphDataset(Dataset):
             return self._graphs[idx].__copy__()
         data = read_graph(self.folder / self.split / graph_file_name(self._index["names"][idx]), self.fields)
         if self.node_features is not None and "x" in data:
-            data.x = data.x[:, self._node_columns]
+            data.x = data.x[:, with_own_columns(self._node_columns, len(NODE_NAMES), data.x.size(1))]
         if self.edge_features is not None and "edge_attr" in data:
-            data.edge_attr = data.edge_attr[:, self._edge_columns]
+            columns = with_own_columns(self._edge_columns, len(EDGE_NAMES), data.edge_attr.size(1))
+            data.edge_attr = data.edge_attr[:, columns]
         if self.in_memory:
             self._graphs[idx] = data
             return data.__copy__()
@@ -109,12 +111,12 @@ class SuperpixelGraphDataset(Dataset):
     @property
     def node_channels(self) -> int:
         """Number of node features."""
-        return len(self._node_columns)
+        return len(self._node_columns) + len(self.recipe.get("own_node_columns", ()))
 
     @property
     def edge_channels(self) -> int:
         """Number of edge features."""
-        return len(self._edge_columns)
+        return len(self._edge_columns) + len(self.recipe.get("own_edge_columns", ()))
 
     def labelled(self) -> SuperpixelGraphDataset:
         """Return the sub-dataset of the graphs whose frames have ground truth; of each file only the head is read."""

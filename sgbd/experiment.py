@@ -114,6 +114,7 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
             "versions": {package: version(package) for package in ("sgbd", "torch", "torch-geometric")},
         },
         objectness=objectness,
+        first_stage=initial.first_stage,
         validate=validate,
         loggers=[instantiate(logger) for logger in config.logger.values()],
     )

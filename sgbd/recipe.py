@@ -21,6 +21,7 @@ import numpy as np
 from sgbd.compiled import HAS_NUMBA
 from sgbd.features import EDGE_GROUPS, NODE_GROUPS
 from sgbd.graph_file import FORMAT_VERSION
+from sgbd.own_columns import own_columns
 from sgbd.sources.source import FrameSource
 
 VERSIONED_PACKAGES = ("pillow", "scikit-image")
@@ -63,6 +64,7 @@ def graph_recipe(source: FrameSource, superpixels: object, graph: object) -> Rec
         **components,
         "node_groups": {group: list(names) for group, names in NODE_GROUPS.items()},
         "edge_groups": {group: list(names) for group, names in EDGE_GROUPS.items()},
+        **own_columns(graph),
         "code": code_digest([type(source).__module__, *_modules(components)]),
         "versions": {package: _minor_version(package) for package in VERSIONED_PACKAGES},
         # Without Numba, scikit-image's SLIC stands in for the compiled one.

@@ -163,7 +163,8 @@ class Segmentation:
         instances: int32 [H, W], 0 not an object, 1..K objects, the one with the largest score first.
         scores: float32 [K], confidence that each object is one whole object, 0 to 1.
         objectness: float32 [K], mean probability of its superpixels to belong to an object.
-        superpixels: int32 [H, W], the over-segmentation, ids 0..N-1.
+        superpixels: int32 [H, W], the over-segmentation, ids 0..N-1; of a model of two stages, the first one's
+            segments.
         edge_index: int64 [2, E], pairs of neighbouring superpixels, i < j.
         edge_probability: float32 [E], probability that each pair belongs together.
     """
@@ -190,6 +191,9 @@ def paint(
     Returns:
         The objects, numbered by falling score; of equal scores the larger object first.
     """
+    if "node_of_superpixel" in data:
+        # The nodes are segments of a first stage.
+        superpixels = data.node_of_superpixel.cpu().numpy().astype(np.int32)[superpixels]
     objects = np.nonzero(segments.is_object)[0]
     objects = objects[np.lexsort((-segments.area[objects], -segments.score[objects]))]
     number = np.zeros(len(segments.area), np.int32)

@@ -12,9 +12,10 @@ from torch_geometric.data import Data
 
 from sgbd.adjacency import LabelMap
 from sgbd.checkpoint import Checkpoint, instantiate
-from sgbd.features import edge_columns, node_columns
+from sgbd.features import EDGE_NAMES, NODE_NAMES, edge_columns, node_columns
 from sgbd.frame import Frame, Intrinsics
 from sgbd.graph import GraphBuilder
+from sgbd.own_columns import with_own_columns
 from sgbd.partition import Partitioner
 from sgbd.segmentation import ObjectRule, Segmentation, classify, paint, partition_graph
 from sgbd.superpixels import Superpixels
@@ -60,6 +61,8 @@ class Segmenter:
         self.threads = threads
         self.superpixels: Superpixels = instantiate(recipe.get("superpixels"), object, trust)  # type: ignore[assignment]
         self.graph: GraphBuilder = instantiate(recipe.get("graph"), object, trust)  # type: ignore[assignment]
+        if checkpoint.first_stage is not None:
+            self.graph.bind(checkpoint.first_stage)  # type: ignore[attr-defined]
         self.partition: Partitioner = (
             instantiate(recipe.get("partition"), object, trust) if partition is None else partition  # type: ignore[assignment]
         )
@@ -127,8 +130,10 @@ class Segmenter:
             The graph, as `sgbd.graph.build_graph` describes it, without the packed maps.
         """
         data = self.graph(frame, label_map, store_maps=False)
-        data.x = data.x[:, self._node_columns]
-        data.edge_attr = data.edge_attr[:, self._edge_columns]
+        data.x = data.x[:, with_own_columns(self._node_columns, len(NODE_NAMES), data.x.size(1))]
+        data.edge_attr = data.edge_attr[
+            :, with_own_columns(self._edge_columns, len(EDGE_NAMES), data.edge_attr.size(1))
+        ]
         return data
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import io
 import json
@@ -201,6 +202,7 @@ class Trainer:
         folder: str | Path,
         recipe: Mapping[str, Any],
         objectness: ObjectnessHead | None = None,
+        first_stage: Checkpoint | None = None,
         validate: Validate | None = None,
         loggers: Iterable[MakeLogger] = (),
     ) -> TrainingResult:
@@ -218,6 +220,7 @@ class Trainer:
             recipe: What the checkpoint tells beside the weights; see `Checkpoint`. The scores of the best epoch are
                 added as `scores`.
             objectness: Objectness head to train beside the model, changed like it.
+            first_stage: What made the graphs' nodes, if this is a second stage; the checkpoint takes it along.
             validate: Gives the scores of model and head after each epoch; called in the first process only, with both
                 in evaluation mode. Without it the last epoch is the best.
             loggers: Make loggers of Fabric's kind, called with `root_dir=folder`.
@@ -231,22 +234,22 @@ class Trainer:
             KeyboardInterrupt: On Ctrl-C; finished epochs are kept.
         """
         with torch_threads(self.threads):
-            return self._train(model, graphs, sampler, Path(folder), dict(recipe), objectness, validate, loggers)
+            untrained = Checkpoint(model, objectness, dict(recipe), first_stage)
+            return self._train(untrained, graphs, sampler, Path(folder), validate, loggers)
 
     def _train(
         self,
-        model: EdgeClassifier,
+        untrained: Checkpoint,
         graphs: Sequence[Data],
         sampler: EdgeSampler,
         folder: Path,
-        recipe: dict[str, Any],
-        objectness: ObjectnessHead | None,
         validate: Validate | None,
         loggers: Iterable[MakeLogger],
     ) -> TrainingResult:
         path = folder / STATE_FILE
+        model, objectness, recipe = untrained.model, untrained.objectness, untrained.recipe
         # Fails now, not after the first epoch, if the recipe cannot be written.
-        Checkpoint(model, objectness, recipe).to_bytes()
+        untrained.to_bytes()
         if len(graphs) == 0:
             raise TrainingError(
                 "there are no training graphs. Prepare some frames first (python -m sgbd.prepare), or look into the "
@@ -275,7 +278,7 @@ class Trainer:
             fabric = self._fabric([make(root_dir=folder) for make in loggers])
             try:
                 run: Callable[..., None] = self._run
-                fabric.launch(run, model, objectness, graphs, sampler, folder, recipe, validate, state)
+                fabric.launch(run, untrained, graphs, sampler, folder, validate, state)
             except KeyboardInterrupt:
                 log.warning("training interrupted. %s", _how_to_go_on(path, self.epochs))
                 raise
@@ -314,16 +317,15 @@ class Trainer:
     def _run(
         self,
         fabric: Fabric,
-        model: EdgeClassifier,
-        objectness: ObjectnessHead | None,
+        untrained: Checkpoint,
         graphs: Sequence[Data],
         sampler: EdgeSampler,
         folder: Path,
-        recipe: dict[str, Any],
         validate: Validate | None,
         state: dict[str, Any],
     ) -> None:
         """Train in one process of several, or the only one."""
+        model, objectness = untrained.model, untrained.objectness
         if "joint" in state:
             JointModel(model, objectness).load_state_dict(state["joint"])
         module = JointModel(model, objectness)
@@ -369,7 +371,7 @@ class Trainer:
                     for logger in fabric.loggers:
                         if hasattr(logger, "save"):
                             logger.save()
-                    self._keep_best(model, objectness, recipe, scores, epoch, state, folder)
+                    self._keep_best(untrained, scores, epoch, state, folder)
                     best = state["best"]
                     waited = epoch - best["epoch"]
                     stop = self.patience is not None and waited >= self.patience
@@ -470,9 +472,7 @@ class Trainer:
 
     def _keep_best(
         self,
-        model: EdgeClassifier,
-        objectness: ObjectnessHead | None,
-        recipe: dict[str, Any],
+        checkpoint: Checkpoint,
         scores: dict[str, float],
         epoch: int,
         state: dict[str, Any],
@@ -486,11 +486,12 @@ class Trainer:
         state["best"] = {
             "epoch": epoch,
             "score": score,
-            "model": _copied(model.state_dict()),
-            "objectness": None if objectness is None else _copied(objectness.state_dict()),
+            "model": _copied(checkpoint.model.state_dict()),
+            "objectness": None if checkpoint.objectness is None else _copied(checkpoint.objectness.state_dict()),
         }
         finite = {name: value for name, value in scores.items() if math.isfinite(value)}
-        Checkpoint(model, objectness, {**recipe, "scores": {"epoch": epoch, **finite}}).save(folder / CHECKPOINT_FILE)
+        recipe = {**checkpoint.recipe, "scores": {"epoch": epoch, **finite}}
+        dataclasses.replace(checkpoint, recipe=recipe).save(folder / CHECKPOINT_FILE)
 
     def _identity(
         self,

@@ -10,6 +10,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from sgbd.checkpoint import Checkpoint
 from sgbd.features import EDGE_GROUPS, NODE_GROUPS, edge_columns, node_columns
+from sgbd.own_columns import own_columns
 from sgbd.recipe import describe
 
 GROUPS = ("superpixels", "graph", "model", "objectness", "partition", "objects")
@@ -32,20 +33,24 @@ def untrained_checkpoint(config: DictConfig) -> Checkpoint:
         "node": _groups(config.features.node, NODE_GROUPS),
         "edge": _groups(config.features.edge, EDGE_GROUPS),
     }
-    node_channels = {"node_channels": len(node_columns(features["node"]))}
-    channels = {**node_channels, "edge_channels": len(edge_columns(features["edge"]))}
+    graph = instantiate(config.graph)
+    own = own_columns(graph)
+    node_channels = {"node_channels": len(node_columns(features["node"])) + len(own.get("own_node_columns", ()))}
+    edge_channels = len(edge_columns(features["edge"])) + len(own.get("own_edge_columns", ()))
+    channels = {**node_channels, "edge_channels": edge_channels}
     model = instantiate(config.model, **channels)
     has_head = config.objectness is not None
     recipe = {
         "superpixels": describe(instantiate(config.superpixels), "superpixels"),
-        "graph": describe(instantiate(config.graph), "graph"),
+        "graph": describe(graph, "graph"),
         "features": features,
         "model": {**_plain(config.model), **channels},
         "objectness": {**_plain(config.objectness), **node_channels} if has_head else None,
         "partition": _plain(config.partition),
         "objects": _plain(config.objects),
     }
-    return Checkpoint(model, instantiate(config.objectness, **node_channels) if has_head else None, recipe)
+    head = instantiate(config.objectness, **node_channels) if has_head else None
+    return Checkpoint(model, head, recipe, getattr(graph, "checkpoint", None))
 
 
 def trusted_packages(config: DictConfig) -> tuple[str, ...]:
