@@ -64,10 +64,10 @@ CERTAIN = 1e-4
 class AgglomeratedGraph:
     """Builds the graph of the segments that a first stage makes of a frame's superpixels.
 
-    The graph is a `Data` as of `sgbd.graph.build_graph`, whose nodes are the first stage's segments, with `NODE_COLUMNS`
-    and `EDGE_COLUMNS` after the columns of every graph. `label_map` is the map of the segments; `node_of_superpixel`
-    int64 [M] has the segment of each of the M superpixels; `border_length` is not the border's length but the square
-    root of the smaller area, so that pairs which do not touch have a say, too.
+    The graph is a `Data` as of `sgbd.graph.build_graph`, whose nodes are the first stage's segments. It has
+    `NODE_COLUMNS` and `EDGE_COLUMNS` after the columns of every graph. `label_map` is the map of the segments;
+    `node_of_superpixel` int64 [M] has the segment of each of the M superpixels; `border_length` is not the border's
+    length but the square root of the smaller area, so that pairs which do not touch have a say, too.
 
     Args:
         first_stage: A checkpoint, or its file; it is kept in the checkpoints of what is trained on these graphs.
@@ -159,15 +159,14 @@ class AgglomeratedGraph:
         area = fine.area.cpu().numpy()
         segment = self._partition(len(area), pairs, classification.edge_probability, length)
         count = int(segment.max()) + 1
-        pixels = np.bincount(segment, area, count)
+        pixels = np.bincount(segment, area, count).astype(np.int64)
         objectness = np.bincount(segment, area * classification.objectness, count) / pixels
 
         coarse_map = segment.astype(np.int32)[label_map]
         touching = border_pairs(coarse_map)
         data = build_graph(frame, coarse_map, category_names=category_names, store_maps=store_maps)
-        wanted = self._joined(
-            touching, np.nonzero((objectness >= self.min_objectness) & (pixels >= self.min_area))[0], data
-        )
+        objects = np.nonzero((objectness >= self.min_objectness) & (pixels >= self.min_area))[0]
+        wanted = self._joined(touching, objects, data)
         if wanted.shape != touching.shape:
             data = build_graph(frame, coarse_map, lambda _: wanted, category_names, store_maps=store_maps)
         forth = edge_columns(frame, coarse_map, data, wanted, (pairs, length, segment), classification, pixels)
@@ -195,7 +194,7 @@ def edge_columns(
     wanted: Pairs,
     fine: tuple[Pairs, npt.NDArray[np.float32], npt.NDArray[np.int64]],
     classification: Classification,
-    pixels: npt.NDArray[np.float64],
+    pixels: npt.NDArray[np.int64],
 ) -> npt.NDArray[np.float32]:
     """Compute `EDGE_COLUMNS`.
 
@@ -206,7 +205,7 @@ def edge_columns(
         wanted: int64 [2, E], pairs of segments, i < j, sorted.
         fine: Pairs of superpixels int64 [2, e], the lengths of their borders [e], and the segment of each [M].
         classification: What the first stage says of these pairs.
-        pixels: float64 [S], size of each segment.
+        pixels: int64 [S], size of each segment.
 
     Returns:
         float32 [E, 10].
