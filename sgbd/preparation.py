@@ -43,6 +43,7 @@ from sgbd.graph_file import (
     read_summary,
     write_graph,
 )
+from sgbd.own_columns import own_columns
 from sgbd.recipe import Recipe, folder_name, graph_recipe
 from sgbd.sources.source import FrameSource
 from sgbd.workers import WorkerError, map_in_order
@@ -99,7 +100,7 @@ class _FrameToGraphFile:
         except Exception as error:
             log.debug("frame %s", name, exc_info=True)
             return _Outcome(index, failure=f"{type(error).__name__}: {error}")
-        _check_columns(data)
+        _check_columns(data, own_columns(self.graph))
         data.name = name
         summary = write_graph(self.folder / graph_file_name(name), data, made_from)
         seconds = {
@@ -413,12 +414,13 @@ def _check_names(source: FrameSource) -> None:
         raise PreparationError(f"frame name {twice!r} occurs twice; names must be unique")
 
 
-def _check_columns(data: Data) -> None:
+def _check_columns(data: Data, own: Mapping[str, Sequence[str]]) -> None:
     for key, names, what in (("x", NODE_NAMES, "node"), ("edge_attr", EDGE_NAMES, "edge")):
-        if data[key].shape[1] != len(names):
+        declared = len(names) + len(own.get(f"own_{what}_columns", ()))
+        if data[key].shape[1] != declared:
             raise PreparationError(
-                f"the graphs have {data[key].shape[1]} {what} features, but sgbd.features names {len(names)} columns: "
-                "declare every column in its group there"
+                f"the graphs have {data[key].shape[1]} {what} features, but {declared} columns are named: declare "
+                f"every column in its group in sgbd.features, or in the builder's own {what}_columns"
             )
 
 

@@ -191,9 +191,6 @@ def paint(
     Returns:
         The objects, numbered by falling score; of equal scores the larger object first.
     """
-    if "node_of_superpixel" in data:
-        # The nodes are segments of a first stage.
-        superpixels = data.node_of_superpixel.cpu().numpy().astype(np.int32)[superpixels]
     objects = np.nonzero(segments.is_object)[0]
     objects = objects[np.lexsort((-segments.area[objects], -segments.score[objects]))]
     number = np.zeros(len(segments.area), np.int32)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import numpy.typing as npt
 import torch
 from torch_geometric.data import Data
@@ -117,7 +118,7 @@ class Segmenter:
         with torch_threads(self.threads):
             classification = classify(self.model, self.objectness, data)
         segments = partition_graph(data, classification, self.partition, self.rule)
-        return paint(label_map, data, classification, segments)
+        return paint(node_map(label_map, data), data, classification, segments)
 
     def build_graph(self, frame: Frame, label_map: LabelMap) -> Data:
         """Build the graph of a frame with the feature columns that the model was trained on.
@@ -135,6 +136,22 @@ class Segmenter:
             :, with_own_columns(self._edge_columns, len(EDGE_NAMES), data.edge_attr.size(1))
         ]
         return data
+
+
+def node_map(label_map: LabelMap, data: Data) -> LabelMap:
+    """Return the map of a graph's nodes.
+
+    Args:
+        label_map: int32 [H, W], the superpixels that the graph was built from.
+        data: The graph.
+
+    Returns:
+        int32 [H, W]: the superpixels themselves, or the segments of a first stage (`sgbd.agglomeration`).
+    """
+    if "node_of_superpixel" not in data:
+        return label_map
+    nodes: LabelMap = data.node_of_superpixel.numpy().astype(np.int32)[label_map]
+    return nodes
 
 
 def _usable_device(device: torch.device | str) -> torch.device:

@@ -12,7 +12,7 @@ from sgbd.features import Geometry, edge_features, node_features
 from sgbd.frame import Frame
 from sgbd.regions import border_sums, region_sums
 from sgbd.segmentation import Segmentation, classify, paint, partition_graph
-from sgbd.segmenter import Segmenter
+from sgbd.segmenter import Segmenter, node_map
 
 STAGES = ("validation", "superpixels", "graph", "model", "partition", "painting")
 """What a frame goes through, one after the other."""
@@ -49,7 +49,7 @@ def segment_in_stages(segmenter: Segmenter, raw: RawFrame, stopwatch: Stopwatch)
     with stopwatch.step("partition"):
         segments = partition_graph(data, classification, segmenter.partition, segmenter.rule)
     with stopwatch.step("painting"):
-        return paint(label_map, data, classification, segments)
+        return paint(node_map(label_map, data), data, classification, segments)
 
 
 def measure_stages(segmenter: Segmenter, frames: list[RawFrame], repeats: Iterable[int]) -> Stopwatch:

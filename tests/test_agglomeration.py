@@ -1,0 +1,205 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from sgbd import Segmenter
+from sgbd.agglomeration import EDGE_COLUMNS, NODE_COLUMNS, AgglomeratedGraph, edge_columns, sight
+from sgbd.checkpoint import Checkpoint, CheckpointError
+from sgbd.data import SuperpixelGraphDataset
+from sgbd.features import EDGE_NAMES, NODE_NAMES
+from sgbd.frame import Frame
+from sgbd.graph import GraphBuilder, build_graph
+from sgbd.label_map import unpack
+from sgbd.models import ObjectnessHead, SharedMLP
+from sgbd.preparation import prepare
+from sgbd.recipe import describe
+from sgbd.segmentation import Classification, classify, paint, partition_graph
+from sgbd.superpixels import Slic
+from tests.scenes import Scenes, scene
+
+FEATURES = {"node": ["rgb", "depth"], "edge": ["convexity"]}
+SUPERPIXELS = Slic(40, min_size=4)
+
+
+def checkpoint(graph: object, first_stage: Checkpoint | None = None, head: bool = True) -> Checkpoint:
+    torch.manual_seed(0)
+    own = (len(NODE_COLUMNS), len(EDGE_COLUMNS)) if first_stage is not None else (0, 0)
+    channels = {"node_channels": 4 + own[0], "edge_channels": 4 + own[1]}
+    objectness = {"_target_": "sgbd.models.ObjectnessHead", "hidden_channels": [8], "node_channels": 4 + own[0]}
+    recipe = {
+        "superpixels": describe(SUPERPIXELS),
+        "graph": describe(graph),
+        "features": FEATURES,
+        "model": {"_target_": "sgbd.models.SharedMLP", "hidden_channels": [8], **channels},
+        "objectness": objectness if head else None,
+        "partition": {"_target_": "sgbd.partition.GreedyMulticut", "threshold": 0.515},
+        "objects": {"_target_": "sgbd.segmentation.ObjectRule", "min_objectness": 0.3, "min_area": 5},
+    }
+    model = SharedMLP(**channels, hidden_channels=[8])
+    return Checkpoint(model, ObjectnessHead(4 + own[0], [8]) if head else None, recipe, first_stage)
+
+
+@pytest.fixture
+def first() -> Checkpoint:
+    return checkpoint(GraphBuilder())
+
+
+@pytest.fixture
+def graph(first: Checkpoint) -> AgglomeratedGraph:
+    return AgglomeratedGraph(first, threshold=0.515, reach=0.3, min_objectness=0.0, min_area=0)
+
+
+def test_the_nodes_are_the_segments_of_the_first_stage(first: Checkpoint, graph: AgglomeratedGraph) -> None:
+    frame = scene(0)
+    label_map = SUPERPIXELS(frame)
+    data = graph(frame, label_map)
+    segmenter = Segmenter(first)
+    fine = segmenter.build_graph(frame, label_map)
+    said = classify(first.model, first.objectness, fine)
+    segments = partition_graph(fine, said, segmenter.partition, segmenter.rule)
+    assert data.node_of_superpixel.tolist() == segments.segment.tolist()
+    assert (unpack(data.label_map, (frame.height, frame.width)) == segments.segment[label_map]).all()
+    plain = build_graph(frame, segments.segment.astype(np.int32)[label_map])
+    assert torch.equal(data.x[:, : len(NODE_NAMES)], plain.x)
+    assert data.x[:, len(NODE_NAMES)].numpy() == pytest.approx(segments.objectness, abs=1e-6)
+    assert data.area.tolist() == segments.area.tolist()
+    assert data.node_instance.tolist() == plain.node_instance.tolist()
+
+
+def test_pairs_that_touch_keep_their_features_and_others_within_reach_join_them(
+    first: Checkpoint, graph: AgglomeratedGraph
+) -> None:
+    frame = scene(0)
+    label_map = SUPERPIXELS(frame)
+    touching = AgglomeratedGraph(first, threshold=0.515, reach=0.0)(frame, label_map)
+    joined = graph(frame, label_map)
+    few = {tuple(pair): row for row, pair in enumerate(touching.edge_label_index.t().tolist())}
+    many = {tuple(pair): row for row, pair in enumerate(joined.edge_label_index.t().tolist())}
+    assert set(few) < set(many)
+    touches = len(EDGE_NAMES) + EDGE_COLUMNS.index("touching")
+    for pair, row in many.items():
+        assert joined.edge_attr[row, touches] == (pair in few)
+        if pair in few:
+            assert torch.equal(joined.edge_attr[row], touching.edge_attr[few[pair]])
+        smaller = min(joined.area[list(pair)].tolist())
+        assert joined.border_length[row] == pytest.approx(smaller**0.5)
+    positions = joined.x[:, [NODE_NAMES.index(f"scene_{axis}") for axis in "xyz"]]
+    for i in range(len(positions)):
+        for j in range(i + 1, len(positions)):
+            near = (positions[i] - positions[j]).norm() < 0.3
+            assert ((i, j) in many) == bool(near or (i, j) in few)
+
+
+def test_the_two_directions_of_an_edge_have_the_same_own_columns(graph: AgglomeratedGraph) -> None:
+    frame = scene(1)
+    data = graph(frame, SUPERPIXELS(frame))
+    count = data.edge_label_index.size(1)
+    assert data.edge_attr.shape == (2 * count, len(EDGE_NAMES) + len(EDGE_COLUMNS))
+    assert torch.equal(data.edge_attr[:count, len(EDGE_NAMES) :], data.edge_attr[count:, len(EDGE_NAMES) :])
+
+
+def wall_with_a_post() -> tuple[Frame, np.ndarray]:
+    """Two patches of a wall, 2 m away, on both sides of a post at 1 m."""
+    depth = np.full((8, 48), 2.0, np.float32)
+    depth[:, 16:32] = 1.0
+    label_map = np.zeros((8, 48), np.int32)
+    label_map[:, 16:32], label_map[:, 32:] = 1, 2
+    return Frame(np.zeros((8, 48, 3), np.uint8), depth, None), label_map
+
+
+def test_what_hides_a_connection_is_nearer_than_the_line_of_sight() -> None:
+    frame, label_map = wall_with_a_post()
+    data = build_graph(frame, label_map)
+    own, missing, nearer, farther = sight(frame, label_map, data, np.array([[0], [2]]))[0]
+    # The centroids are 32 pixels apart, half of which the post hides.
+    assert own + nearer == pytest.approx(1)
+    assert nearer == pytest.approx(0.5, abs=0.05)
+    assert missing == farther == 0
+
+
+def test_a_gap_shows_what_lies_behind_it_or_nothing() -> None:
+    frame, label_map = wall_with_a_post()
+    for behind, column in ((3.0, 3), (0.0, 1)):
+        frame.depth.flags.writeable = True
+        frame.depth[:, 16:32] = behind
+        shares = sight(frame, label_map, build_graph(frame, label_map), np.array([[0], [2]]))[0]
+        assert shares[column] == pytest.approx(0.5, abs=0.05)
+        assert shares[0] + shares[column] == pytest.approx(1)
+
+
+def test_logits_of_the_first_stage_are_averaged_along_the_border() -> None:
+    frame, label_map = wall_with_a_post()
+    data = build_graph(frame, label_map)
+    # Superpixels 0 and 1 became segment 0, 2 segment 1, and 3 segment 2.
+    segment = np.array([0, 0, 1, 2])
+    pairs = np.array([[0, 0, 1, 2], [1, 2, 2, 3]])
+    length = np.array([5.0, 2.0, 6.0, 8.0], np.float32)
+    probability = np.array([0.9, 0.5, 0.2, 0.7], np.float32)
+    wanted = np.array([[0, 0, 1], [1, 2, 2]])
+    columns = edge_columns(
+        frame,
+        label_map,
+        data,
+        wanted,
+        (pairs, length, segment),
+        Classification(probability, None),
+        np.array([16, 64, 256]),
+    )
+    logit = np.log(probability / (1 - probability))
+    expected = [
+        [1, (2 * logit[1] + 6 * logit[2]) / 8, logit[1], np.log(16), np.log(64), 8 / 4],
+        [0, 0, 0, np.log(16), np.log(256), 0],
+        [1, logit[3], logit[3], np.log(64), np.log(256), 8 / 8],
+    ]
+    assert columns[:, :6] == pytest.approx(np.array(expected), abs=1e-5)
+
+
+def test_a_second_stage_is_one_file_with_its_first(first: Checkpoint, graph: AgglomeratedGraph, tmp_path: Path) -> None:
+    second = checkpoint(graph, first)
+    path = second.save(tmp_path / "second.safetensors")
+    again = Checkpoint.load(path)
+    assert again.to_bytes() == second.to_bytes()
+    assert again.first_stage is not None
+    assert again.first_stage.to_bytes() == first.to_bytes()
+
+    segmenter = Segmenter.load(path)
+    folder = prepare(Scenes("test"), segmenter.superpixels, segmenter.graph, tmp_path / "graphs", workers=0)
+    graphs = SuperpixelGraphDataset(folder, "test", FEATURES["node"], FEATURES["edge"])
+    assert (graphs.node_channels, graphs.edge_channels) == (5, 14)
+    again.require(superpixels=graphs.recipe["superpixels"], graph=graphs.recipe["graph"])
+    for frame, data in zip(Scenes("test"), graphs, strict=True):
+        assert data.x.shape[1] == 5
+        result = segmenter.segment_frame(frame)
+        said = classify(segmenter.model, segmenter.objectness, data)
+        segments = partition_graph(data, said, segmenter.partition, segmenter.rule)
+        cached = paint(unpack(data.label_map, (frame.height, frame.width)), data, said, segments)
+        assert (result.instances == cached.instances).all()
+        assert (result.superpixels == cached.superpixels).all()
+
+
+def test_a_graph_without_its_first_stage_says_what_is_missing(graph: AgglomeratedGraph) -> None:
+    frame = scene(0)
+    unbound = AgglomeratedGraph(graph.first_stage)
+    with pytest.raises(CheckpointError, match="first stage sha256:.* is not there"):
+        unbound(frame, SUPERPIXELS(frame))
+
+
+def test_another_first_stage_than_the_recipes_is_refused(graph: AgglomeratedGraph, first: Checkpoint) -> None:
+    first.recipe["seed"] = 1
+    with pytest.raises(CheckpointError, match="names a first stage"):
+        AgglomeratedGraph(graph.first_stage).bind(first)
+
+
+def test_a_first_stage_needs_an_objectness_head() -> None:
+    with pytest.raises(CheckpointError, match="objectness=mlp"):
+        AgglomeratedGraph(checkpoint(GraphBuilder(), head=False))
+
+
+@pytest.mark.parametrize("change", [{"threshold": 1.0}, {"reach": -1.0}, {"min_objectness": 2.0}, {"min_area": -1}])
+def test_numbers_out_of_range_are_refused(first: Checkpoint, change: dict) -> None:
+    with pytest.raises(ValueError, match="must lie between"):
+        AgglomeratedGraph(first, **change)
