@@ -1,4 +1,4 @@
-"""python -m sgbd.evaluate: score a trained model on frames with ground truth."""
+"""python -m sgbd.evaluate: score a trained model, or another system's label images, on frames with ground truth."""
 
 from __future__ import annotations
 
@@ -9,15 +9,21 @@ from sgbd.checkpoint import Checkpoint, find_checkpoint
 from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.evaluation import Evaluator, with_truth
+from sgbd.label_images import LabelImages
+from sgbd.label_map_evaluation import evaluate_label_maps
 from sgbd.pipeline import frame_source, splits_of
 from sgbd.preparation import prepare
 from sgbd.results import draw_examples, example_frames, markdown, write_evaluation
 from sgbd.segmenter import Segmenter
+from sgbd.sources import FrameSource
 
 
 @entry_point("evaluate")
 def main(config: DictConfig) -> None:
     """Prepare the frames with the checkpoint's recipe, score the model on them, write tables and pictures."""
+    if config.predictions is not None:
+        _score_label_images(config)
+        return
     path = find_checkpoint(config.checkpoint, config.output_dir)
     trust = tuple(config.trust)
     checkpoint = Checkpoint.load(path, trust)
@@ -29,10 +35,7 @@ def main(config: DictConfig) -> None:
         trust=trust,
     )
     workers = count_workers(config.workers)
-    source = frame_source(config.dataset, workers, config.split)
-    splits = splits_of(source)
-    if config.split not in splits:
-        raise ConfigurationError(f"the dataset has no split {config.split!r}; choose from {', '.join(splits)}")
+    source = _frames(config, workers)
     folder = prepare(
         source, segmenter.superpixels, segmenter.graph, config.cache_dir, workers=workers, on_error=config.on_error
     )
@@ -53,6 +56,37 @@ def main(config: DictConfig) -> None:
     frames = f"{len(dataset)} frame{'s'[: len(dataset) != 1]} of {source.split}{skipped}"
     print(f"\n{path} on {frames}, per cent:\n\n{markdown(evaluation)}\n")
     print(f"Scores of every frame and pictures: {out}")
+
+
+def _frames(config: DictConfig, workers: int) -> FrameSource:
+    source = frame_source(config.dataset, workers, config.split)
+    splits = splits_of(source)
+    if config.split not in splits:
+        raise ConfigurationError(f"the dataset has no split {config.split!r}; choose from {', '.join(splits)}")
+    return source
+
+
+def _score_label_images(config: DictConfig) -> None:
+    """Score the label images of another system with the same metrics."""
+    if config.checkpoint is not None:
+        raise ConfigurationError("give checkpoint (a trained model) or predictions (label images), not both")
+    workers = count_workers(config.workers)
+    source = _frames(config, workers)
+    found = evaluate_label_maps(
+        source,
+        LabelImages(config.predictions, config.first_object),
+        workers=workers,
+        boundaries=config.boundaries,
+        on_error=config.on_error,
+        progress=True,
+    )
+    out = output_folder()
+    write_evaluation(found.evaluation, out)
+    left_out = f" ({len(found.left_out)} more left out, see above)" if found.left_out else ""
+    count = len(found.failures)
+    frames = f"{count} frame{'s'[: count != 1]} of {source.split}{left_out}"
+    print(f"\n{config.predictions} on {frames}, per cent:\n\n{markdown(found.evaluation)}\n")
+    print(f"Scores of every frame: {out}")
 
 
 if __name__ == "__main__":

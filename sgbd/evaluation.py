@@ -90,12 +90,15 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class GraphScores:
-    """Scores of one partitioned graph, by protocol; see `Evaluation`. `unaided` is None without an objectness head."""
+    """Scores of one partitioned graph, by protocol; see `Evaluation`.
+
+    `unaided` is None if the method does not say what an object is, `oracle_by_category` if there are no superpixels.
+    """
 
     all: FrameScores
     unaided: FrameScores | None
     by_category: CategoryScores
-    oracle_by_category: CategoryScores
+    oracle_by_category: CategoryScores | None
 
 
 class Evaluator:
@@ -151,7 +154,7 @@ class Evaluator:
         finally:
             for module, mode in zip(modules, modes, strict=True):
                 module.train(mode)
-        return _evaluation(scored, dataset)
+        return mean_scores(scored, dataset.seen)
 
     def score(
         self, data: Data, segments: Segments, category_names: Iterable[str] = (), *, unaided: bool = True
@@ -216,7 +219,16 @@ class Evaluator:
         )
 
 
-def _evaluation(scored: Sequence[GraphScores], dataset: SuperpixelGraphDataset) -> Evaluation:
+def mean_scores(scored: Sequence[GraphScores], seen: Collection[str]) -> Evaluation:
+    """Average the scores of frames.
+
+    Args:
+        scored: Of each frame.
+        seen: The categories seen in training; empty if there is no division into seen and unseen.
+
+    Returns:
+        The means; what no frame has a score for is left out.
+    """
     scores: dict[str, float] = {}
 
     def add(protocol: str, names: Mapping[str, str], means: Mapping[str, float], prefix: str = "") -> None:
@@ -236,17 +248,15 @@ def _evaluation(scored: Sequence[GraphScores], dataset: SuperpixelGraphDataset) 
         add("unaided", SHORT_NAMES, summarize(own))
         table = frame_table(own)
         frames = frames.join(table[[name for name in SHORT_NAMES if name in table]].add_prefix("unaided_"))
-    if dataset.seen:
-        frames = frames.join(_seen_and_unseen_of_frames(scored, dataset.seen).set_index(frames.index))
-        for prefix, by_category in (
-            ("", [frame.by_category for frame in scored]),
-            ("oracle_", [frame.oracle_by_category for frame in scored]),
-        ):
-            for group, row in seen_and_unseen(by_category, dataset.seen).iterrows():
+    if seen:
+        frames = frames.join(_seen_and_unseen_of_frames(scored, seen).set_index(frames.index))
+        oracle = [frame.oracle_by_category for frame in scored if frame.oracle_by_category is not None]
+        for prefix, by_category in (("", [frame.by_category for frame in scored]), ("oracle_", oracle)):
+            for group, row in seen_and_unseen(by_category, seen).iterrows():
                 add(prefix + GROUPS[str(group)], SHORT_NAMES, {str(name): float(value) for name, value in row.items()})
     categories = category_table([frame.by_category for frame in scored])
-    if dataset.seen:
-        categories["seen"] = [name in dataset.seen for name in categories.index]
+    if seen:
+        categories["seen"] = [name in seen for name in categories.index]
     return Evaluation(scores, frames, categories)
 
 

@@ -1,0 +1,10 @@
+"""Classical methods to compare with: a frame in, a label map out, nothing learned."""
+
+from sgbd.baselines.baseline import Baseline
+from sgbd.baselines.felzenszwalb import Felzenszwalb
+from sgbd.baselines.hierarchical_merging import HierarchicalMerging
+from sgbd.baselines.normalized_cut import NormalizedCut
+from sgbd.baselines.plane_removal import PlaneRemoval
+from sgbd.baselines.threshold_cut import ThresholdCut
+
+__all__ = ["Baseline", "Felzenszwalb", "HierarchicalMerging", "NormalizedCut", "PlaneRemoval", "ThresholdCut"]

@@ -1,0 +1,188 @@
+"""Scores of methods that give a label map and nothing else: classical baselines, other systems' label images."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+from tqdm import tqdm
+
+from sgbd.evaluation import Evaluation, EvaluationError, GraphScores, mean_scores
+from sgbd.failures import Failures, classify_failures
+from sgbd.frame import Frame, FrameError
+from sgbd.label_images import LabelImages
+from sgbd.metrics import ContingencyTable, category_scores, objects_by_label, objects_by_majority, score_frame
+from sgbd.sources import FrameSource
+from sgbd.workers import map_in_order
+
+log = logging.getLogger(__name__)
+
+NOT_AN_OBJECT = 0
+"""Label of pixels that a method takes for no object."""
+
+
+class LabelMapMethod(Protocol):
+    """A frame in, a label map int32 [H, W] out, 0 = not an object.
+
+    Attributes:
+        decides_objects: Whether the method itself says what an object is; if not, the truth must.
+    """
+
+    decides_objects: bool
+
+    def __call__(self, frame: Frame) -> npt.NDArray[np.int32]:
+        """Segment a frame."""
+        ...
+
+
+@dataclass(frozen=True)
+class ScoredFrame:
+    """What is known of a method's label map of one frame.
+
+    Attributes:
+        scores: Its scores.
+        failures: Where its objects went wrong.
+    """
+
+    scores: GraphScores
+    failures: Failures
+
+
+@dataclass(frozen=True)
+class LabelMapEvaluation:
+    """Scores of a method over the frames of a dataset.
+
+    Attributes:
+        evaluation: The means. `unaided` is there only for methods that decide what an object is.
+        failures: Of each frame that was scored, in the order of the dataset.
+        left_out: Frames that were not scored, and why.
+    """
+
+    evaluation: Evaluation
+    failures: list[Failures]
+    left_out: dict[str, str]
+
+
+class ScoreFrame:
+    """Runs a method on a frame of a dataset and scores the result. A class, not a closure: workers are sent it.
+
+    Args:
+        source: The frames.
+        method: What segments them.
+        boundaries: Score contours too.
+    """
+
+    def __init__(self, source: FrameSource, method: LabelMapMethod, boundaries: bool = True) -> None:
+        self.source = source
+        self.method = method
+        self.boundaries = boundaries
+
+    def __call__(self, index: int) -> ScoredFrame | FrameError:
+        """Score frame `index`; an error of the frame or its label image is returned."""
+        try:
+            frame = self.source[index]
+            if frame.instances is None:
+                return FrameError("it has no ground truth")
+            prediction = self.method(frame)
+        except FrameError as error:
+            return FrameError(str(error))
+        return score_label_map(
+            prediction, frame, decides_objects=self.method.decides_objects, boundaries=self.boundaries
+        )
+
+
+def score_label_map(
+    prediction: npt.NDArray[np.int32], frame: Frame, *, decides_objects: bool, boundaries: bool = True
+) -> ScoredFrame:
+    """Score the label map of one frame.
+
+    Args:
+        prediction: int32 [H, W], 0 = not an object.
+        frame: The frame, with truth; its ignored pixels count nowhere.
+        decides_objects: Whether the ids from 1 on are the method's own decision on what an object is.
+        boundaries: Score contours too.
+
+    Returns:
+        The scores. In the protocol `all`, the segments most of which lies on true objects take part, but never what the
+        method takes for no object; failures are those of the method's own objects, or of these.
+    """
+    if frame.instances is None:
+        raise EvaluationError(f"frame {frame.name!r} has no ground truth, so it cannot be scored")
+    table = ContingencyTable.from_label_maps(prediction, frame.instances)
+    aided = objects_by_majority(table)
+    aided = aided[aided != NOT_AN_OBJECT]
+    own = objects_by_label(table, first=NOT_AN_OBJECT + 1)
+    maps = {"prediction": prediction, "truth": frame.instances} if boundaries else {}
+    return ScoredFrame(
+        GraphScores(
+            all=score_frame(table, aided, **maps, name=frame.name),
+            unaided=score_frame(table, own, **maps, name=frame.name) if decides_objects else None,
+            by_category=category_scores(table, frame.categories, *maps.values()),
+            oracle_by_category=None,
+        ),
+        classify_failures(table, own if decides_objects else aided, name=frame.name),
+    )
+
+
+def evaluate_label_maps(
+    source: FrameSource,
+    method: LabelMapMethod,
+    *,
+    workers: int = 0,
+    boundaries: bool = True,
+    on_error: str = "skip",
+    title: str = "evaluating",
+    progress: bool = False,
+) -> LabelMapEvaluation:
+    """Run a method on every frame of a dataset and score it with the metrics of `sgbd.evaluation`.
+
+    Args:
+        source: The frames.
+        method: What segments them.
+        workers: Processes; 0 for this one alone. The scores do not depend on it.
+        boundaries: Score contours too.
+        on_error: What to do with a frame that cannot be scored, because it cannot be read, has no truth, or its label
+            image is missing or of another size: `skip` leaves it out and names it, `fail` raises.
+        title: Of the progress bar.
+        progress: Show it.
+
+    Returns:
+        The scores.
+
+    Raises:
+        EvaluationError: If no frame can be scored, or one cannot and `on_error` is `fail`.
+        LabelImagesError: If the method is a folder that holds no label image of any frame.
+    """
+    if len(source) == 0:
+        raise EvaluationError("there are no frames to evaluate: the split is empty")
+    if isinstance(method, LabelImages):
+        method.missing(source.names)
+    scored: list[ScoredFrame] = []
+    left_out: dict[str, str] = {}
+    results = map_in_order(ScoreFrame(source, method, boundaries), range(len(source)), workers)
+    bar = tqdm(results, title, len(source), unit="frame", disable=not progress)
+    for name, result in zip(source.names, bar, strict=True):
+        if isinstance(result, ScoredFrame):
+            scored.append(result)
+            continue
+        if on_error == "fail":
+            results.close()
+            raise EvaluationError(f"frame {name}: {result}")
+        left_out[name] = str(result)
+    if not scored:
+        raise EvaluationError(f"none of the {len(source)} frames can be scored. {_named(left_out)}")
+    if left_out:
+        log.warning("left out: %d of %d frames. %s", len(left_out), len(source), _named(left_out))
+    return LabelMapEvaluation(
+        mean_scores([frame.scores for frame in scored], source.seen), [frame.failures for frame in scored], left_out
+    )
+
+
+def _named(left_out: dict[str, str], most: int = 20) -> str:
+    shown: Iterable[tuple[str, str]] = list(left_out.items())[:most]
+    more = f"; and {len(left_out) - most} more" if len(left_out) > most else ""
+    return "; ".join(f"{name}: {reason}" for name, reason in shown) + more
