@@ -139,7 +139,7 @@ def test_frames_without_truth_are_left_out_and_named(
 
 
 @pytest.mark.parametrize("entry", ["prepare", "train", "evaluate"])
-@pytest.mark.parametrize("dataset", ["folder", "mosd", "tod"])
+@pytest.mark.parametrize("dataset", ["folder", "mosd", "mosd_pcd", "ocid", "osd", "tod"])
 def test_a_missing_folder_says_what_is_expected(
     command: Command, entry: str, dataset: str, frames: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
     trained: Path,

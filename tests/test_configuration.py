@@ -96,7 +96,8 @@ def test_every_option_composes_and_its_target_takes_its_arguments(group, option)
 
 @pytest.mark.parametrize("entry", ENTRIES)
 def test_every_key_is_read(entry):
-    text = SOURCES + (CONF / f"{entry}.yaml").read_text()
+    options = "".join(path.read_text() for path in (CONF / "dataset").glob("*.yaml"))
+    text = SOURCES + options + (CONF / f"{entry}.yaml").read_text()
     for key in composed(entry):
         used = re.search(rf"config\.{key}\b|\$\{{{key}\}}|\[\"{key}\"\]|\b{key}=", text)
         assert used, f"nothing reads the key {key} of {entry}.yaml"

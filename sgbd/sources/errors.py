@@ -33,6 +33,10 @@ class DatasetNotFoundError(FileNotFoundError):
         return f"no dataset in {self.root}: {self.missing}\n  Expected layout:\n{layout}\n  {self.remedy}"
 
 
+class MissingExtraError(ImportError):
+    """An optional package that is needed here and not installed; the message says how to install it."""
+
+
 class FrameReadError(FrameError):
     """A file of a frame that cannot be read as what it should be.
 

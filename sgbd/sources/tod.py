@@ -275,6 +275,25 @@ root/
         view = self._views[index]
         return self._truth(view, _read_description(self._files(view)[4]))[1]
 
+    def semantic_mask(self, index: int) -> npt.NDArray[np.uint16]:
+        """Return what `semseg` holds, or would hold, for a frame.
+
+        Returns:
+            uint16 [H, W]: 1, 2, ... the objects' categories, after them the table; 0 the background, and objects of
+            unknown category.
+
+        Raises:
+            FrameReadError: If a file is missing, damaged, or has an unknown category.
+        """
+        view = self._views[index]
+        instances, objects = self._truth(view, _read_description(self._files(view)[4]))
+        value = np.zeros(max(int(instances.max()), SUPPORT) + 1, np.uint16)
+        value[SUPPORT] = len(self.category_names) + 1
+        for item in objects:
+            if item.category is not None:
+                value[item.instance] = self.category_names.index(item.category) + 1
+        return value[instances]
+
     def _fingerprinted(self) -> Iterator[tuple[str, tuple[Path, ...]]]:
         # The rule against near-empty frames is among the options, so that a fingerprint needs no image.
         return ((view.name, self._files(view)) for view in self._candidates[0])

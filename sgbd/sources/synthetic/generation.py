@@ -19,6 +19,7 @@ from tqdm import tqdm
 from sgbd.atomic_file import write_whole
 from sgbd.processors import usable_processors
 from sgbd.sources.categories import TABLE_CATEGORY, TOD_CATEGORIES, TOD_SYNSETS
+from sgbd.sources.errors import MissingExtraError
 from sgbd.sources.synthetic.recipe import FIRST_VIEW, FOLDERS, Recipe
 from sgbd.sources.synthetic.variety import VARIETIES
 from sgbd.workers import WorkerError, map_in_order
@@ -27,10 +28,6 @@ log = logging.getLogger(__name__)
 
 RECIPE_FILE = "dataset.json"
 LISTS = {split: f"{split}.txt" for split in FOLDERS}
-
-
-class MissingExtraError(ImportError):
-    """The packages that make synthetic frames are not installed."""
 
 
 class GenerationError(RuntimeError):

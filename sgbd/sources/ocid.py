@@ -1,0 +1,229 @@
+"""OCID: the Object Clutter Indoor Dataset."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sgbd.frame import MILLIMETRES, Frame, FrameError, Intrinsics
+from sgbd.sources.camera import intrinsics_from
+from sgbd.sources.errors import DatasetNotFoundError, FrameReadError
+from sgbd.sources.image import read_depth, read_labels, read_rgb
+from sgbd.sources.label_rule import PLAIN, LabelRule
+from sgbd.sources.parts import checked_parts, natural_order
+from sgbd.sources.point_cloud import organized_depth
+from sgbd.sources.source import FrameSource
+
+SUBSETS = ("ARID20", "ARID10", "YCB10")
+
+TABLE_SCENE = LabelRule(support=("1-2",), objects=("3-",))
+"""On tables there are two supports, what stands around and the table itself; on the floor the floor alone."""
+
+XTION = Intrinsics(570.34, 570.34, 319.5, 239.5)
+"""What OpenNI's driver projects the 640x480 points of an ASUS Xtion with."""
+
+DEPTHS = {"depth": "png", "pcd": "pcd"}
+"""Folders that depth may be taken from, and the ending of their files."""
+
+
+class Ocid(FrameSource):
+    """Real clutter of up to 20 objects, put down one by one on floors and tables, seen by two ASUS Xtion cameras.
+
+    | subset | objects from                       | a scene at most | scenes                                          |
+    |--------|------------------------------------|-----------------|-------------------------------------------------|
+    | ARID20 | Autonomous Robot Indoor Dataset    | 20 objects      | floor, table                                    |
+    | ARID10 | Autonomous Robot Indoor Dataset    | 10 objects      | box, curved, fruits, non-fruits, mixed          |
+    | YCB10  | Yale-CMU-Berkeley                  | 10 objects      | cuboid, curved, mixed                           |
+
+    96 scenes with 89 different objects; 2346 labelled frames of 640x480 pixels, depth uint16 in millimetres.
+
+    Below `root`, a sequence is a folder `{ARID20,ARID10,YCB10}/{floor,table}/{bottom,top}[/KIND]/seqNN` with
+    `rgb/result_*.png`, `depth/result_*.png`, `label/result_*.png` and `pcd/result_*.pcd`. Label 0 is background, 1 the
+    support; in scenes on a table 2 belongs to the support too; larger ones are objects.
+
+    Two setups of the SupeRGB-D paper (E. P. Örnek et al., IEEE RA-L 8(6), 2023, doi:10.1109/LRA.2023.3271527): sim2real
+    tests on all of it what was trained on synthetic frames (`dataset=ocid`); zero-shot trains on the ARID subsets and
+    tests on YCB10, whose objects are others (`dataset=ocid_zeroshot`).
+
+    How to get it: https://www.acin.tuwien.ac.at/en/vision-for-robotics/software-tools/object-clutter-indoor-dataset/.
+    Licence: as stated there. M. Suchi, T. Patten, D. Fischinger, M. Vincze, "EasyLabel: A semi-automatic pixel-wise
+    object annotation tool for creating robotic RGB-D datasets", ICRA 2019, doi:10.1109/ICRA.2019.8793917.
+
+    Args:
+        root: Folder that holds the subsets.
+        split: "train", "val" or "test".
+        parts: Subsets of each split, or folders in them such as "ARID20/table"; by default all are for testing.
+        val_share: Share of the training sequences that is held out for validation if no part is; 0 for none.
+        seed: Fixes which sequences that are.
+        labels: What the labels of scenes on the floor mean.
+        table_labels: What those of scenes on a table mean (those with a folder `table` in their path).
+        depth: "depth" or "pcd"; the latter needs `pip install 'sgbd[pcd]'`.
+        depth_scale: Metres of one unit of the images in `depth`.
+        intrinsics: Camera of all frames; None fits it to each point cloud, or is unknown with `depth`.
+
+    Raises:
+        ValueError: If the parts are no division, or another option is out of range.
+        FrameError: If `intrinsics` are no camera.
+    """
+
+    layout = """
+root/
+    {ARID20,ARID10,YCB10}/{floor,table}/{bottom,top}/.../seq01/
+        rgb/result_2018-08-21-14-53-22.png      8-bit colours
+        depth/result_2018-08-21-14-53-22.png    uint16 millimetres, 0 = missing   (or pcd/)
+        pcd/result_2018-08-21-14-53-22.pcd      640x480 points, row by row        (or depth/)
+        label/result_2018-08-21-14-53-22.png    0 background, 1 support (on tables 2 too), more: objects
+"""
+    remedy = (
+        "OCID is at https://www.acin.tuwien.ac.at/en/vision-for-robotics/software-tools/object-clutter-indoor-dataset/;"
+        " unpack it and give the folder OCID-dataset as dataset.root. Without a download there is the embedded "
+        "synthetic set: dataset=tabletop."
+    )
+
+    def __init__(
+        self,
+        root: str | Path,
+        split: str = "test",
+        parts: Mapping[str, Iterable[str]] | None = None,
+        val_share: float = 0.1,
+        seed: int = 0,
+        labels: LabelRule = PLAIN,
+        table_labels: LabelRule = TABLE_SCENE,
+        depth: str = "depth",
+        depth_scale: float = MILLIMETRES,
+        intrinsics: Intrinsics | Mapping[str, Any] | None = XTION,
+    ) -> None:
+        self.parts = checked_parts({"test": SUBSETS} if parts is None else parts, split)
+        if not 0 <= val_share < 1:
+            raise ValueError(f"val_share must be a share of the training sequences, 0 to below 1; got {val_share}")
+        if seed < 0:
+            raise ValueError(f"seed must not be negative; got {seed}")
+        if depth not in DEPTHS:
+            raise ValueError(f"depth must be one of {', '.join(DEPTHS)}; got {depth!r}")
+        if not depth_scale > 0:
+            raise ValueError(f"depth_scale must be positive, in metres a unit; got {depth_scale}")
+        self.root = Path(root).expanduser()
+        self.split = split
+        self.val_share = val_share
+        self.seed = seed
+        self.labels = labels
+        self.table_labels = table_labels
+        self.depth = depth
+        self.depth_scale = depth_scale
+        self.intrinsics = intrinsics_from(intrinsics)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """`sequence/frame` of each frame, e.g. ARID20/floor/top/seq01/result_2018-08-21-14-53-22."""
+        return self._names
+
+    @property
+    def splits(self) -> tuple[str, ...]:
+        """The splits that have parts, and "val" where training sequences are held out."""
+        held_out = "train" in self.parts and self.val_share > 0
+        return tuple(
+            split for split in ("train", "val", "test") if split in self.parts or (split == "val" and held_out)
+        )
+
+    def files(self, index: int) -> tuple[Path, ...]:
+        """Return colours, depth and labels of a frame."""
+        sequence, _, name = self._names[index].rpartition("/")
+        folder = self.root / sequence
+        return (
+            folder / "rgb" / f"{name}.png",
+            folder / self.depth / f"{name}.{DEPTHS[self.depth]}",
+            folder / "label" / f"{name}.png",
+        )
+
+    def options(self) -> Mapping[str, Any]:
+        """Return the options that change what is read."""
+        camera = self.intrinsics
+        return {
+            "parts": {split: list(names) for split, names in self.parts.items()},
+            "val_share": self.val_share,
+            "seed": self.seed,
+            "labels": repr(self.labels),
+            "table_labels": repr(self.table_labels),
+            "depth": self.depth,
+            "depth_scale": self.depth_scale,
+            "intrinsics": camera and [camera.fx, camera.fy, camera.cx, camera.cy],
+        }
+
+    def read(self, index: int) -> Frame:
+        """Read one frame.
+
+        Raises:
+            FrameReadError: If a file is missing or damaged, or has a label without a meaning.
+            FrameError: If the images differ in size or hold no depth.
+        """
+        name = self._names[index]
+        rgb_path, depth_path, label_path = self.files(index)
+        camera = self.intrinsics
+        if self.depth == "pcd":
+            depth, camera = organized_depth(depth_path, camera)
+        else:
+            depth = read_depth(depth_path, self.depth_scale)
+        rule = self.table_labels if "table" in name.split("/") else self.labels
+        labels = read_labels(label_path)
+        try:
+            instances = rule(labels)
+        except FrameError as error:
+            raise FrameReadError(label_path, str(error)) from error
+        return Frame(rgb=read_rgb(rgb_path), depth=depth, intrinsics=camera, instances=instances, name=name)
+
+    def _not_found(self, missing: str) -> DatasetNotFoundError:
+        return DatasetNotFoundError(self.root, missing, self.layout, self.remedy)
+
+    @cached_property
+    def sequences(self) -> tuple[str, ...]:
+        """Folder below the root of each sequence of the split."""
+        if not self.root.is_dir():
+            raise self._not_found("the folder does not exist")
+        if self.split not in self.splits:
+            raise self._not_found(f"no part is split {self.split!r}, only {', '.join(self.splits)} (option: parts)")
+        if self.split in self.parts and (self.split != "train" or "val" in self.parts or self.val_share == 0):
+            return self._sequences_of(self.parts[self.split])
+        sequences = self._sequences_of(self.parts["train"])
+        count = max(1, round(self.val_share * len(sequences)))
+        if count >= len(sequences):
+            raise self._not_found(
+                f"{', '.join(self.parts['train'])} holds {len(sequences)} sequences, too few to hold one out for "
+                "validation (option: val_share)"
+            )
+        held_out = set(np.random.default_rng(self.seed).permutation(len(sequences))[:count].tolist())
+        return tuple(name for place, name in enumerate(sequences) if (place in held_out) == (self.split == "val"))
+
+    def _sequences_of(self, parts: Iterable[str]) -> tuple[str, ...]:
+        found = []
+        for part in parts:
+            folder = self.root / part
+            if not folder.is_dir():
+                raise self._not_found(f"there is no folder {part}")
+            its = []
+            for path, folders, _ in os.walk(folder):
+                if "rgb" in folders:
+                    its.append(Path(path).relative_to(self.root).as_posix())
+                    folders.clear()
+            if not its:
+                raise self._not_found(f"there is no sequence in {part}: no folder with a folder rgb")
+            found += sorted(its, key=natural_order)
+        return tuple(found)
+
+    @cached_property
+    def _names(self) -> tuple[str, ...]:
+        names = []
+        for sequence in self.sequences:
+            folder = self.root / sequence
+            if not (folder / self.depth).is_dir():
+                other = next((name for name in DEPTHS if (folder / name).is_dir()), None)
+                hint = f"; use dataset.depth={other}" if other else ""
+                raise self._not_found(f"there is no folder {self.depth} in {sequence}{hint}")
+            names += [f"{sequence}/{path.stem}" for path in sorted((folder / "rgb").glob("*.png"))]
+        if not names:
+            raise self._not_found(f"there is no colour image in the sequences of split {self.split!r}")
+        return tuple(names)

@@ -1,0 +1,46 @@
+"""python -m sgbd.split: divide a dataset in TOD's layout into seen and unseen categories and their frames."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
+from sgbd.pipeline import frame_source
+from sgbd.sources.categories import TOD_GROUPS
+from sgbd.sources.split_report import write_split
+from sgbd.sources.tod import Tod
+from sgbd.sources.zero_shot_split import SETS, catalogue, draw_seen, zero_shot_split
+
+
+@entry_point("split")
+def main(config: DictConfig) -> None:
+    """Build the split, write its lists, its report and a dataset option, and print the report."""
+    workers = count_workers(config.workers)
+    source = frame_source(config.dataset, workers)
+    if not isinstance(source, Tod):
+        raise ConfigurationError(f"{type(source).__name__} is not in TOD's layout, the only one that can be split")
+    groups = {group: tuple(names) for group, names in (config.groups or TOD_GROUPS).items()}
+    members = [name for names in groups.values() for name in names]
+    if sorted(members) != sorted(source.category_names):
+        raise ConfigurationError(
+            f"groups must hold each of the categories once: {', '.join(source.category_names)}; got {groups}"
+        )
+    frames = catalogue(source, config.min_object_pixels, workers)
+    split = zero_shot_split(
+        frames,
+        seen=frozenset(config.seen or draw_seen(groups, config.seed)),
+        sizes={name: config[f"{name}_frames"] for name in SETS},
+        shares=dict(config.scene_shares),
+        min_objects=config.min_objects,
+        seed=config.seed,
+    )
+    folder = Path(config.output or output_folder())
+    report = write_split(folder, source, frames, split, groups, config.name)
+    print(f"\n{report}\nLists, report and dataset option: {folder}\nTo use it:\n")
+    print(f"python -m sgbd.train --config-dir {folder} dataset={config.name}")
+
+
+if __name__ == "__main__":
+    main()
