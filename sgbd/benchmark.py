@@ -10,6 +10,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from sgbd.benchmarking.checkpoints import configured_checkpoint
+from sgbd.benchmarking.curves import draw_curves
 from sgbd.benchmarking.environment import environment, limited_to
 from sgbd.benchmarking.extent import configured_extent
 from sgbd.benchmarking.frames import raw_frames
@@ -91,6 +92,9 @@ def main(config: DictConfig) -> None:
     folder = output_folder()
     path = folder / "benchmark.json" if config.json is None else Path(config.json).expanduser()
     report.write(path, folder / "benchmark.md")
+    if any(table.name == "curve_size" for table in report.tables):
+        draw_curves(report, folder / "curves.png")
+        print(f"\nCurves: {folder / 'curves.png'}")
     print(f"\nThe same as JSON: {path}\nand as Markdown: {folder / 'benchmark.md'}")
 
 

@@ -6,23 +6,27 @@ import logging
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from torch import nn
-from torch_geometric.data import Data
 from tqdm import tqdm
 
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.label_map import unpack
 from sgbd.metrics import (
+    FIRST_OBJECT,
     CategoryScores,
     ContingencyTable,
     FrameScores,
     category_scores,
     category_table,
+    contours,
     edge_scores,
     frame_table,
+    objects_by_contact,
+    objects_by_label,
     objects_by_majority,
     oracle_segments,
     score_frame,
@@ -32,6 +36,9 @@ from sgbd.metrics import (
 from sgbd.partition import Partitioner
 from sgbd.segmentation import ObjectRule, Segments, classify, partition_graph
 from sgbd.torch_threads import torch_threads
+
+if TYPE_CHECKING:
+    from torch_geometric.data import Data
 
 log = logging.getLogger(__name__)
 
@@ -186,8 +193,12 @@ class Evaluator:
         prediction = truth = oracle_prediction = None
         if self.boundaries:
             size = tuple(data.image_size[0].tolist())
-            label_map, truth = unpack(data.label_map, size), unpack(data.truth_map, size)
-            prediction, oracle_prediction = segments.segment[label_map], best[label_map]
+            label_map, instances = unpack(data.label_map, size), unpack(data.truth_map, size)
+            truth = contours(instances, table.instances[table.instances >= FIRST_OBJECT])
+            judged = np.union1d(objects_by_contact(table), np.nonzero(segments.is_object)[0])
+            prediction = contours(segments.segment.astype(np.int32)[label_map], judged, instances)
+            judged = np.union1d(objects_by_contact(oracle), objects_by_label(oracle))
+            oracle_prediction = contours(best.astype(np.int32)[label_map], judged, instances)
         pairs = data.edge_label_index.numpy()
         merged = segments.segment[pairs[0]] == segments.segment[pairs[1]]
         names = list(category_names)

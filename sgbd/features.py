@@ -11,17 +11,19 @@ import numpy as np
 import numpy.typing as npt
 
 from sgbd.adjacency import Pairs
+from sgbd.compiled import compiled
 from sgbd.frame import Frame, Intrinsics
 from sgbd.regions import (
     COLOR_STEP,
     COLUMN,
     DEPTH_STEP,
     DEPTH_STEP_MIN,
-    MOMENT_PAIRS,
     PAIRS,
+    PIXELS,
     RGB,
     RGB_SQUARED,
     ROW,
+    VALID,
     VALID_PAIRS,
     XYZ,
     XYZ_SQUARED,
@@ -79,6 +81,9 @@ EDGE_NAMES: tuple[str, ...] = tuple(name for names in EDGE_GROUPS.values() for n
 DEPTH_STEP_UNIT = 0.005
 DISTANCE_UNIT = 0.01
 
+SWEEPS = 12
+"""Rounds of rotations at the most; a 3 x 3 matrix is diagonal after four or five."""
+
 
 def node_columns(groups: Iterable[str] | None = None) -> list[int]:
     """Return the columns of `x` that belong to some groups.
@@ -123,36 +128,93 @@ class Geometry:
 
     def __init__(self, regions: Regions, borders: Borders, camera: Intrinsics) -> None:
         valid = regions.valid
-        points = np.maximum(valid, 1)[:, None]
-        mean = regions.sums[:, XYZ : XYZ + 3] / points
-        depth = _depth_from_neighbours(mean[:, 2], valid > 0, borders)
-        pixels = regions.pixels
-        ray = np.stack(
-            [
-                (regions.sums[:, COLUMN] / pixels - camera.cx) / camera.fx,
-                (regions.sums[:, ROW] / pixels - camera.cy) / camera.fy,
-                np.ones(len(pixels)),
-            ],
-            axis=1,
-        )
-        self.centroid = np.where(valid[:, None] > 0, mean, ray * depth[:, None])
+        depth = _depth_from_neighbours(regions.sums[:, XYZ + 2] / np.maximum(valid, 1), valid > 0, borders)
+        intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+        self.centroid, self.normal, self.residual = _centroids_and_planes(regions.sums, depth, intrinsics)
 
-        moments = regions.sums[:, XYZ_SQUARED : XYZ_SQUARED + 6] / points
-        covariance = np.empty((len(valid), 3, 3))
-        for column, (a, b) in enumerate(MOMENT_PAIRS):
-            covariance[:, a, b] = covariance[:, b, a] = moments[:, column] - mean[:, a] * mean[:, b]
-        variances, axes = np.linalg.eigh(covariance)
+
+@compiled
+def _centroids_and_planes(sums, depth, camera):  # type: ignore[no-untyped-def]
+    count = len(sums)
+    fx, fy, cx, cy = camera
+    centroids, normals, residuals = np.empty((count, 3)), np.empty((count, 3)), np.zeros(count)
+    matrix, axes = np.empty((3, 3)), np.empty((3, 3))
+    for region in range(count):
+        valid, pixels = sums[region, VALID], sums[region, PIXELS]
+        if valid > 0:
+            for axis in range(3):
+                centroids[region, axis] = sums[region, XYZ + axis] / valid
+        else:
+            centroids[region, 0] = (sums[region, COLUMN] / pixels - cx) / fx * depth[region]
+            centroids[region, 1] = (sums[region, ROW] / pixels - cy) / fy * depth[region]
+            centroids[region, 2] = depth[region]
+        x, y, z = centroids[region, 0], centroids[region, 1], centroids[region, 2]
         # A plane needs three points; with fewer the superpixel is taken to face the camera.
-        view = -self.centroid / np.maximum(np.linalg.norm(self.centroid, axis=1, keepdims=True), 1e-9)
-        normal = np.where(valid[:, None] >= 3, axes[:, :, 0], view)
-        self.normal = np.where((normal * view).sum(1, keepdims=True) < 0, -normal, normal)
-        self.residual = np.sqrt(np.maximum(np.where(valid >= 3, variances[:, 0], 0), 0))
+        if valid < 3:
+            distance = max(np.sqrt(x * x + y * y + z * z), 1e-9)
+            for axis in range(3):
+                normals[region, axis] = -centroids[region, axis] / distance
+            continue
+        moment = XYZ_SQUARED
+        for row in range(3):
+            for column in range(row, 3):
+                covariance = sums[region, moment] / valid - centroids[region, row] * centroids[region, column]
+                matrix[row, column] = matrix[column, row] = covariance
+                moment += 1
+        _diagonalize(matrix, axes)
+        flattest = 0
+        for axis in range(1, 3):
+            if matrix[axis, axis] < matrix[flattest, flattest]:
+                flattest = axis
+        towards = -(x * axes[0, flattest] + y * axes[1, flattest] + z * axes[2, flattest])
+        for axis in range(3):
+            normals[region, axis] = -axes[axis, flattest] if towards < 0 else axes[axis, flattest]
+        residuals[region] = np.sqrt(max(matrix[flattest, flattest], 0.0))
+    return centroids, normals, residuals
+
+
+@compiled
+def _diagonalize(matrix, axes):  # type: ignore[no-untyped-def]
+    """Turn a symmetric 3 x 3 matrix into its eigenvalues on the diagonal, and `axes` into its unit eigenvectors.
+
+    Jacobi's rotations (Golub and Van Loan, "Matrix computations", section 8.5): for matrices this small faster than a
+    call of LAPACK for each, and as exact.
+    """
+    for row in range(3):
+        for column in range(3):
+            axes[row, column] = 1.0 if row == column else 0.0
+    for _ in range(SWEEPS):
+        off = abs(matrix[0, 1]) + abs(matrix[0, 2]) + abs(matrix[1, 2])
+        if off <= 1e-15 * (abs(matrix[0, 0]) + abs(matrix[1, 1]) + abs(matrix[2, 2])):
+            break
+        for p in range(2):
+            for q in range(p + 1, 3):
+                if matrix[p, q] == 0:
+                    continue
+                slope = (matrix[q, q] - matrix[p, p]) / (2 * matrix[p, q])
+                tangent = (1.0 if slope >= 0 else -1.0) / (abs(slope) + np.sqrt(slope * slope + 1))
+                cosine = 1 / np.sqrt(tangent * tangent + 1)
+                sine = tangent * cosine
+                other = 3 - p - q
+                shift = tangent * matrix[p, q]
+                matrix[p, p] -= shift
+                matrix[q, q] += shift
+                matrix[p, q] = matrix[q, p] = 0.0
+                to_p, to_q = matrix[other, p], matrix[other, q]
+                matrix[other, p] = matrix[p, other] = cosine * to_p - sine * to_q
+                matrix[other, q] = matrix[q, other] = sine * to_p + cosine * to_q
+                for row in range(3):
+                    along_p, along_q = axes[row, p], axes[row, q]
+                    axes[row, p] = cosine * along_p - sine * along_q
+                    axes[row, q] = sine * along_p + cosine * along_q
 
 
 def _depth_from_neighbours(
     depth: npt.NDArray[np.float64], known: npt.NDArray[np.bool_], borders: Borders
 ) -> npt.NDArray[np.float64]:
     depth = np.where(known, depth, 0.0)
+    if known.all():
+        return depth
     i, j = borders.pairs
     length = borders.sums[:, PAIRS]
     while not known.all():
@@ -178,48 +240,69 @@ def node_features(frame: Frame, regions: Regions, geometry: Geometry) -> npt.NDA
     Returns:
         float32 [N, F], columns as `NODE_NAMES`.
     """
-    pixels = regions.pixels
-    color = regions.sums[:, RGB : RGB + 3] / pixels[:, None]
-    color_variance = regions.sums[:, RGB_SQUARED : RGB_SQUARED + 3] / pixels[:, None] - color**2
-    row, column = regions.sums[:, ROW] / pixels, regions.sums[:, COLUMN] / pixels
-    valid_depth = frame.depth[frame.depth > 0]
-    near, far = float(valid_depth.min()), float(valid_depth.max())
-    scene = (geometry.centroid * pixels[:, None]).sum(0) / pixels.sum()
-    columns = [
-        *(color / 255).T,
-        column / frame.width,
-        row / frame.height,
-        (geometry.centroid[:, 2] - near) / max(far - near, 1e-9),
-        *_normals_at(frame, row, column).T,
-        *(geometry.centroid - scene).T,
-        *geometry.normal.T,
-        *(np.sqrt(np.maximum(color_variance, 0)) / 255).T,
-        np.log(pixels / frame.depth.size),
-        1 - regions.valid / pixels,
-        np.log1p(geometry.residual * 1000),
-    ]
-    return np.stack(columns, axis=1).astype(np.float32)
+    camera = frame.camera
+    return _node_features(
+        regions.sums,
+        geometry.centroid,
+        geometry.normal,
+        geometry.residual,
+        frame.depth,
+        (camera.fx, camera.fy),
+        (regions.nearest, regions.farthest),
+    )
 
 
-def _normals_at(frame: Frame, row: npt.NDArray[np.float64], column: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Unit normals from central differences of the depth at single pixels; slope 0 where depth is missing."""
-    r, c = np.rint(row).astype(int), np.rint(column).astype(int)
-    z = frame.depth[r, c].astype(np.float64)
+@compiled
+def _node_features(sums, centroids, normals, residuals, depth, focal, depth_range):  # type: ignore[no-untyped-def]
+    """Fill in the columns in the order of `NODE_GROUPS`."""
+    count = len(sums)
+    height, width = depth.shape
+    nearest, farthest = depth_range
+    scene = np.zeros(3)
+    for region in range(count):
+        for axis in range(3):
+            scene[axis] += centroids[region, axis] * sums[region, PIXELS]
+    scene /= sums[:, PIXELS].sum()
+    features = np.empty((count, 21), np.float32)
+    for region in range(count):
+        pixels = sums[region, PIXELS]
+        row, column = sums[region, ROW] / pixels, sums[region, COLUMN] / pixels
+        features[region, 3] = column / width
+        features[region, 4] = row / height
+        features[region, 5] = (centroids[region, 2] - nearest) / max(farthest - nearest, 1e-9)
+        r, c = int(np.rint(row)), int(np.rint(column))
+        x = -_slope(depth, r, c, 0, 1, focal[0])
+        y = -_slope(depth, r, c, 1, 0, focal[1])
+        length = np.sqrt(x * x + y * y + 1)
+        features[region, 6] = x / length
+        features[region, 7] = y / length
+        features[region, 8] = 1 / length
+        for k in range(3):
+            color = sums[region, RGB + k] / pixels
+            variance = sums[region, RGB_SQUARED + k] / pixels - color * color
+            features[region, k] = color / 255
+            features[region, 9 + k] = centroids[region, k] - scene[k]
+            features[region, 12 + k] = normals[region, k]
+            features[region, 15 + k] = np.sqrt(max(variance, 0.0)) / 255
+        features[region, 18] = np.log(pixels / (height * width))
+        features[region, 19] = 1 - sums[region, VALID] / pixels
+        features[region, 20] = np.log1p(residuals[region] * 1000)
+    return features
 
-    def slope(
-        before: tuple[npt.NDArray, npt.NDArray], after: tuple[npt.NDArray, npt.NDArray], focal: float
-    ) -> npt.NDArray[np.float64]:
-        low, high = frame.depth[before].astype(np.float64), frame.depth[after].astype(np.float64)
-        steps = (after[0] - before[0]) + (after[1] - before[1])
-        known = (low > 0) & (high > 0) & (z > 0) & (steps > 0)
-        # One pixel spans z / focal metres.
-        return np.where(known, (high - low) / np.maximum(steps, 1) * focal / np.maximum(z, 1e-9), 0.0)
 
-    height, width = frame.depth.shape
-    dz_dx = slope((r, np.maximum(c - 1, 0)), (r, np.minimum(c + 1, width - 1)), frame.camera.fx)
-    dz_dy = slope((np.maximum(r - 1, 0), c), (np.minimum(r + 1, height - 1), c), frame.camera.fy)
-    normal = np.stack([-dz_dx, -dz_dy, np.ones(len(z))], axis=1)
-    return normal / np.linalg.norm(normal, axis=1, keepdims=True)
+@compiled
+def _slope(depth, row, column, down, right, focal):  # type: ignore[no-untyped-def]
+    """Slope of the depth at a pixel, metres a metre, by central differences; 0 where depth is missing."""
+    height, width = depth.shape
+    first_row, last_row = max(row - down, 0), min(row + down, height - 1)
+    first_column, last_column = max(column - right, 0), min(column + right, width - 1)
+    steps = last_row - first_row + last_column - first_column
+    here, low = np.float64(depth[row, column]), np.float64(depth[first_row, first_column])
+    high = np.float64(depth[last_row, last_column])
+    if steps == 0 or here <= 0 or low <= 0 or high <= 0:
+        return 0.0
+    # One pixel spans z / focal metres.
+    return (high - low) / steps * focal / here
 
 
 def edge_features(
@@ -236,36 +319,50 @@ def edge_features(
     Returns:
         float32 [E, D] of the edges i to j, and float32 [E, D] of the edges j to i; columns as `EDGE_NAMES`.
     """
-    i, j = pairs
     sums = sums_of_pairs(pairs, borders)
-    length, known = sums[:, PAIRS], sums[:, VALID_PAIRS]
-    color = regions.sums[:, RGB : RGB + 3] / regions.pixels[:, None] / 255
-    between = geometry.centroid[j] - geometry.centroid[i]
-    distance = np.linalg.norm(between, axis=1)
-    direction = between / np.maximum(distance, 1e-9)[:, None]
-    normal_i, normal_j = geometry.normal[i], geometry.normal[j]
-    to_plane_of_i = _signed_log((between * normal_i).sum(1) / DISTANCE_UNIT)
-    to_plane_of_j = _signed_log(-(between * normal_j).sum(1) / DISTANCE_UNIT)
-    forward = np.stack(
-        [
-            np.log1p(length),
-            np.log1p(sums[:, DEPTH_STEP] / np.maximum(known, 1) / DEPTH_STEP_UNIT),
-            np.log1p(sums[:, DEPTH_STEP_MIN] / DEPTH_STEP_UNIT),
-            1 - known / np.maximum(length, 1),
-            sums[:, COLOR_STEP] / np.maximum(length, 1) / 255,
-            ((normal_j - normal_i) * direction).sum(1),
-            (normal_i * normal_j).sum(1),
-            to_plane_of_i,
-            to_plane_of_j,
-            np.log1p(distance / DISTANCE_UNIT),
-            np.linalg.norm(color[i] - color[j], axis=1),
-        ],
-        axis=1,
-    ).astype(np.float32)
-    backward = forward.copy()
-    ahead, back = EDGE_NAMES.index("plane_distance"), EDGE_NAMES.index("plane_distance_back")
-    backward[:, [ahead, back]] = forward[:, [back, ahead]]
+    return _edge_features(np.ascontiguousarray(pairs), sums, regions.sums, geometry.centroid, geometry.normal)
+
+
+@compiled
+def _edge_features(pairs, borders, sums, centroids, normals):  # type: ignore[no-untyped-def]
+    """Fill in the columns in the order of `EDGE_GROUPS`."""
+    count = pairs.shape[1]
+    forward, backward = np.empty((count, 11), np.float32), np.empty((count, 11), np.float32)
+    for edge in range(count):
+        i, j = pairs[0, edge], pairs[1, edge]
+        length, known = borders[edge, PAIRS], borders[edge, VALID_PAIRS]
+        distance = agreement = color_distance = above_i = above_j = bend = 0.0
+        for axis in range(3):
+            between = centroids[j, axis] - centroids[i, axis]
+            distance += between * between
+            agreement += normals[i, axis] * normals[j, axis]
+            above_i += between * normals[i, axis]
+            above_j -= between * normals[j, axis]
+            bend += (normals[j, axis] - normals[i, axis]) * between
+            color = (sums[i, RGB + axis] / sums[i, PIXELS] - sums[j, RGB + axis] / sums[j, PIXELS]) / 255
+            color_distance += color * color
+        distance = np.sqrt(distance)
+        forward[edge, 0] = np.log1p(length)
+        forward[edge, 1] = np.log1p(borders[edge, DEPTH_STEP] / max(known, 1.0) / DEPTH_STEP_UNIT)
+        forward[edge, 2] = np.log1p(borders[edge, DEPTH_STEP_MIN] / DEPTH_STEP_UNIT)
+        forward[edge, 3] = 1 - known / max(length, 1.0)
+        forward[edge, 4] = borders[edge, COLOR_STEP] / max(length, 1.0) / 255
+        forward[edge, 5] = bend / max(distance, 1e-9)
+        forward[edge, 6] = agreement
+        forward[edge, 7] = _signed_log(above_i / DISTANCE_UNIT)
+        forward[edge, 8] = _signed_log(above_j / DISTANCE_UNIT)
+        forward[edge, 9] = np.log1p(distance / DISTANCE_UNIT)
+        forward[edge, 10] = np.sqrt(color_distance)
+        for column in range(11):
+            backward[edge, column] = forward[edge, column]
+        # Seen from the other end, the planes change places.
+        backward[edge, 7], backward[edge, 8] = forward[edge, 8], forward[edge, 7]
     return forward, backward
+
+
+@compiled
+def _signed_log(value):  # type: ignore[no-untyped-def]
+    return np.sign(value) * np.log1p(abs(value))
 
 
 def sums_of_pairs(pairs: Pairs, borders: Borders) -> npt.NDArray[np.float64]:
@@ -288,7 +385,3 @@ def sums_of_pairs(pairs: Pairs, borders: Borders) -> npt.NDArray[np.float64]:
         found = present[position] == wanted
         sums[found] = borders.sums[position[found]]
     return sums
-
-
-def _signed_log(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    return np.sign(values) * np.log1p(np.abs(values))

@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-import networkx as nx
-import numpy as np
-import numpy.typing as npt
-import torch
-from torch import Tensor
-from torch_geometric.data import Data
+from sgbd.adjacency import Adjacency, LabelMap, border_pairs
+from sgbd.features import EDGE_NAMES, NODE_NAMES
+from sgbd.frame import Frame
+from sgbd.graph_arrays import CUT, MERGE, UNKNOWN, GraphArrays, graph_arrays, overlap_table
 
-from sgbd.adjacency import Adjacency, LabelMap, Pairs, border_pairs
-from sgbd.features import EDGE_NAMES, NODE_NAMES, Geometry, edge_features, node_features, sums_of_pairs
-from sgbd.frame import IGNORE, Frame
-from sgbd.label_map import pack
-from sgbd.majority import majority_instance
-from sgbd.regions import PAIRS, border_sums, region_sums
+if TYPE_CHECKING:  # imported where they are needed: to import PyG takes seconds and hundreds of MiB
+    import networkx as nx
+    from torch import Tensor
+    from torch_geometric.data import Data
 
-MERGE, CUT, UNKNOWN = 1.0, 0.0, -1.0
-"""Values of `edge_label`."""
+__all__ = [
+    "CUT",
+    "MERGE",
+    "UNKNOWN",
+    "GraphBuilder",
+    "as_data",
+    "build_graph",
+    "edge_positions",
+    "overlap_table",
+    "to_networkx",
+]
 
 
 class GraphBuilder:
@@ -36,6 +42,12 @@ class GraphBuilder:
         # adjacency that the pass over the borders gives anyway.
         bare = isinstance(adjacency, functools.partial) and not (adjacency.args or adjacency.keywords)
         self.adjacency: Adjacency = adjacency.func if bare else adjacency  # type: ignore[attr-defined]
+
+    def arrays(
+        self, frame: Frame, label_map: LabelMap, category_names: Sequence[str] = (), *, store_maps: bool = True
+    ) -> GraphArrays:
+        """Build the graph of a frame without PyTorch; see `sgbd.graph_arrays.graph_arrays`."""
+        return graph_arrays(frame, label_map, self.adjacency, category_names, store_maps=store_maps)
 
     def __call__(
         self, frame: Frame, label_map: LabelMap, category_names: Sequence[str] = (), *, store_maps: bool = True
@@ -91,84 +103,17 @@ def build_graph(
         ValueError: If the label map is not of the frame's size, or an instance has a category that is not in
             `category_names`.
     """
-    if label_map.shape != frame.depth.shape:
-        raise ValueError(
-            f"the label map has shape {label_map.shape}, the frame {frame.depth.shape}: over-segment this very frame"
-        )
-    regions = region_sums(frame, label_map)
-    if not (regions.pixels > 0).all():
-        raise ValueError("the label map skips ids: number its superpixels 0..N-1 (sgbd.superpixels.connect.renumber)")
-    borders = border_sums(frame, label_map)
-    geometry = Geometry(regions, borders, frame.camera)
-    pairs = borders.pairs if adjacency is border_pairs else adjacency(label_map)
-    forward, backward = edge_features(pairs, borders, regions, geometry)
-    edge_label_index = torch.from_numpy(np.ascontiguousarray(pairs))
-    data = Data(
-        x=torch.from_numpy(node_features(frame, regions, geometry)),
-        edge_index=torch.cat([edge_label_index, edge_label_index.flip(0)], dim=1),
-        edge_attr=torch.from_numpy(np.concatenate([forward, backward])),
-        edge_label_index=edge_label_index,
-        border_length=torch.from_numpy(sums_of_pairs(pairs, borders)[:, PAIRS].astype(np.float32)),
-        area=torch.from_numpy(regions.pixels.astype(np.int64)),
-        image_size=torch.tensor([[frame.height, frame.width]]),
-        name=frame.name,
+    return as_data(graph_arrays(frame, label_map, adjacency, category_names, store_maps=store_maps))
+
+
+def as_data(graph: GraphArrays) -> Data:
+    """Return a graph of arrays as PyG's `Data`, whose tensors share the arrays' memory."""
+    import torch
+    from torch_geometric.data import Data
+
+    return Data.from_dict(
+        {key: value if isinstance(value, str) else torch.from_numpy(value) for key, value in graph.items()}
     )
-    if store_maps:
-        data.label_map = pack(label_map)
-    if frame.instances is not None:
-        _add_truth(data, frame, frame.instances, label_map, pairs, category_names)
-        if store_maps:
-            data.truth_map = pack(frame.instances)
-    return data
-
-
-def _add_truth(
-    data: Data,
-    frame: Frame,
-    instances: npt.NDArray[np.int32],
-    label_map: LabelMap,
-    pairs: Pairs,
-    category_names: Sequence[str],
-) -> None:
-    superpixel, instance, count = overlap_table(label_map, instances)
-    majority = majority_instance(superpixel, instance, count, int(data.x.shape[0]))
-    known = (majority[pairs[0]] != IGNORE) & (majority[pairs[1]] != IGNORE)
-    same = np.where(majority[pairs[0]] == majority[pairs[1]], MERGE, CUT)
-    ids = np.unique(instance)
-    position = {name: place for place, name in enumerate(category_names, start=1)}
-    names = [frame.categories.get(int(key)) for key in ids]
-    unknown = sorted({name for name in names if name is not None and category_names and name not in position})
-    if unknown:
-        raise ValueError(
-            f"frame {frame.name!r}: unknown category {', '.join(unknown)}; the dataset has {', '.join(category_names)}"
-        )
-    data.edge_label = torch.from_numpy(np.where(known, same, UNKNOWN).astype(np.float32))
-    data.node_instance = torch.from_numpy(majority)
-    data.overlap_index = torch.from_numpy(superpixel)
-    data.overlap_instance = torch.from_numpy(instance)
-    data.overlap_count = torch.from_numpy(count)
-    data.instance_id = torch.from_numpy(ids)
-    data.instance_category = torch.tensor([position.get(name or "", 0) for name in names], dtype=torch.int64)
-
-
-def overlap_table(
-    label_map: LabelMap, instances: npt.NDArray[np.int32]
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Count the pixels that every superpixel shares with every instance; ignored pixels are left out.
-
-    Args:
-        label_map: int32 [H, W], ids 0..N-1.
-        instances: int32 [H, W], -1 ignore.
-
-    Returns:
-        Superpixel, instance and number of pixels, int64 [M] each, sorted by superpixel, then by instance.
-    """
-    counted = instances != IGNORE
-    width = int(instances.max(initial=0)) + 1
-    keys = label_map[counted].astype(np.int64) * width + instances[counted]
-    counts = np.bincount(keys)
-    present = np.nonzero(counts)[0]
-    return present // width, present % width, counts[present].astype(np.int64)
 
 
 def edge_positions(edge_index: Tensor, pairs: Tensor, num_nodes: int) -> Tensor:
@@ -185,6 +130,8 @@ def edge_positions(edge_index: Tensor, pairs: Tensor, num_nodes: int) -> Tensor:
     Raises:
         ValueError: If a pair is no edge of the graph.
     """
+    import torch
+
     keys, wanted = edge_index[0] * num_nodes + edge_index[1], pairs[0] * num_nodes + pairs[1]
     if keys.numel() == 0:
         if wanted.numel():
@@ -209,6 +156,8 @@ def to_networkx(data: Data) -> nx.Graph:
         with truth, `instance`. Edges have `edge_attr` of the direction i to j, i < j (named columns where all are
         there), `border_length` and, with truth, `label`. The graph has `name`, `height` and `width`.
     """
+    import networkx as nx
+
     height, width = data.image_size[0].tolist()
     graph = nx.Graph(name=data.name, height=height, width=width)
     labelled = "edge_label" in data

@@ -15,15 +15,19 @@ import shutil
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import numpy.typing as npt
 import safetensors
-import torch
-from safetensors.torch import load, save
-from torch import Tensor
-from torch_geometric.data import Data
+from safetensors.numpy import save
 
 from sgbd.atomic_file import write_whole
+from sgbd.graph_arrays import GraphArrays
+
+if TYPE_CHECKING:  # imported where graphs are read: to write them needs neither, and workers hold neither in memory
+    from torch import Tensor
+    from torch_geometric.data import Data
 
 FORMAT_VERSION = 1
 """Raised whenever graphs in old files would be read wrongly, or the same frames give other graphs."""
@@ -32,8 +36,8 @@ SUFFIX = ".safetensors"
 
 _METADATA = "graph"  # one key: safetensors does not keep the order of several, and files must not differ
 _REVERSED_COLUMNS = "edge_attr.reversed_columns"
-_NARROW_INTEGERS = (torch.uint8, torch.int8, torch.int16, torch.int32)
-_NARROW_FLOATS = (torch.int8, torch.int16)
+_NARROW_INTEGERS = (np.uint8, np.int8, np.int16, np.int32)
+_NARROW_FLOATS = (np.int8, np.int16)
 
 
 class GraphFileError(RuntimeError):
@@ -61,12 +65,12 @@ class GraphSummary:
     bytes: int
 
 
-def write_graph(path: Path, data: Data, made_from: str) -> GraphSummary:
+def write_graph(path: Path, graph: Data | GraphArrays, made_from: str) -> GraphSummary:
     """Write a graph atomically: `path` holds all of it or what it held before.
 
     Args:
         path: File to write; its folder exists.
-        data: Graph with tensors, strings and plain numbers as fields.
+        graph: Graph with tensors or arrays, strings and plain numbers as fields.
         made_from: Fingerprint of the frame it was made from.
 
     Returns:
@@ -74,19 +78,20 @@ def write_graph(path: Path, data: Data, made_from: str) -> GraphSummary:
 
     Raises:
         GraphFileError: If the file cannot be written, for instance because the disk is full.
-        TypeError: If a field is neither a tensor nor a string, number, bool or None.
+        TypeError: If a field is neither a tensor or array nor a string, number, bool or None.
     """
-    label, pairs = data.get("edge_label"), data.get("edge_label_index")
+    values: Mapping[str, Any] = graph if isinstance(graph, dict) else graph.to_dict()
+    label, pairs, x = (values.get(key) for key in ("edge_label", "edge_label_index", "x"))
     summary = {
         "made_from": made_from,
-        "nodes": int(data.num_nodes or 0),
-        "edges": int(pairs.shape[1]) if pairs is not None else 0,
-        "merges": int((label == 1).sum()) if label is not None else 0,
-        "cuts": int((label == 0).sum()) if label is not None else 0,
+        "nodes": 0 if x is None else len(x),
+        "edges": 0 if pairs is None else int(pairs.shape[1]),
+        "merges": 0 if label is None else int((label == 1).sum()),
+        "cuts": 0 if label is None else int((label == 0).sum()),
     }
-    tensors, fields, mirrored = _encode(data)
+    arrays, fields, mirrored = _encode(values)
     header = {"format_version": FORMAT_VERSION, "summary": summary, "fields": fields, "mirrored": mirrored}
-    content = save(tensors, metadata={_METADATA: json.dumps(header)})
+    content = save(arrays, metadata={_METADATA: json.dumps(header)})
     try:
         write_whole(path, content)
     except OSError as error:
@@ -111,6 +116,8 @@ def read_graph(path: Path, fields: Collection[str] | None = None) -> Data:
         content = path.read_bytes()
     except OSError as error:
         raise _unreadable(path, error) from error
+    from safetensors.torch import load
+
     header = _parse_header(path, content, len(content))
     try:
         return _decode(header, load(content), fields)
@@ -198,55 +205,60 @@ def _parse_header(path: Path, content: bytes, size: int) -> dict[str, Any]:
     return dict(header)
 
 
-def _encode(data: Data) -> tuple[dict[str, Tensor], dict[str, dict[str, Any]], list[str]]:
-    tensors: dict[str, Tensor] = {}
+def _encode(
+    values: Mapping[str, Any],
+) -> tuple[dict[str, npt.NDArray[Any]], dict[str, dict[str, Any]], list[str]]:
+    arrays: dict[str, npt.NDArray[Any]] = {}
     fields: dict[str, dict[str, Any]] = {}
-    for key, value in data.to_dict().items():
-        if isinstance(value, Tensor):
-            tensors[key] = value.detach().cpu()
-            fields[key] = {"dtype": _name(value.dtype)}
-        elif value is None or isinstance(value, str | bool | int | float):
+    for key, value in values.items():
+        if value is None or isinstance(value, str | bool | int | float):
             fields[key] = {"value": value}
+        elif isinstance(value, np.ndarray) or hasattr(value, "detach"):
+            arrays[key] = value if isinstance(value, np.ndarray) else value.detach().cpu().numpy()
+            fields[key] = {"dtype": arrays[key].dtype.name}
         else:
             raise TypeError(
                 f"field {key!r} of the graph is a {type(value).__name__}; only tensors, strings and numbers are stored"
             )
-    mirrored = _drop_second_halves(tensors)
-    return {key: _narrow(tensor).contiguous() for key, tensor in tensors.items()}, fields, mirrored
+    mirrored = _drop_second_halves(arrays)
+    return {key: np.ascontiguousarray(_narrow(array)) for key, array in arrays.items()}, fields, mirrored
 
 
-def _drop_second_halves(tensors: dict[str, Tensor]) -> list[str]:
-    """Leave out of `tensors` what follows from the first half of `edge_index`; return the names of those fields."""
-    both = tensors.get("edge_index")
-    if both is None or both.dim() != 2 or both.shape[0] != 2 or both.shape[1] % 2:
+def _drop_second_halves(arrays: dict[str, npt.NDArray[Any]]) -> list[str]:
+    """Leave out of `arrays` what follows from the first half of `edge_index`; return the names of those fields."""
+    both = arrays.get("edge_index")
+    if both is None or both.ndim != 2 or both.shape[0] != 2 or both.shape[1] % 2:
         return []
-    first, second = both.chunk(2, dim=1) if both.shape[1] else (both, both)
-    if not torch.equal(first.flip(0), second):
+    first, second = np.split(both, 2, axis=1)
+    if not np.array_equal(first[::-1], second):
         return []
     mirrored = ["edge_index"]
-    tensors["edge_index"] = first
-    pairs = tensors.get("edge_label_index")
-    if pairs is not None and pairs.dtype == first.dtype and torch.equal(pairs, first):
+    arrays["edge_index"] = first
+    pairs = arrays.get("edge_label_index")
+    if pairs is not None and pairs.dtype == first.dtype and np.array_equal(pairs, first):
         mirrored.append("edge_label_index")
-        del tensors["edge_label_index"]
-    attributes = tensors.get("edge_attr")
+        del arrays["edge_label_index"]
+    attributes = arrays.get("edge_attr")
     if (
         attributes is not None
-        and attributes.shape[:1] == both.shape[1:]
-        and attributes.dim() == 2
-        and attributes.dtype == torch.float32
+        and attributes.ndim == 2
+        and attributes.shape[0] == both.shape[1]
+        and attributes.dtype == np.float32
         and len(attributes)
     ):
         mirrored.append("edge_attr")
-        forward, backward = attributes.chunk(2)
-        differ = (_bits(forward) != _bits(backward)).any(0).nonzero().flatten()
-        tensors["edge_attr"] = forward
-        tensors["edge_attr.reversed"] = backward[:, differ]
-        tensors[_REVERSED_COLUMNS] = differ
+        forward, backward = np.split(attributes, 2)
+        differ = np.flatnonzero((_bits(forward) != _bits(backward)).any(axis=0))
+        arrays["edge_attr"] = forward
+        arrays["edge_attr.reversed"] = backward[:, differ]
+        arrays[_REVERSED_COLUMNS] = differ
     return mirrored
 
 
 def _decode(header: Mapping[str, Any], stored: Mapping[str, Tensor], wanted: Collection[str] | None) -> Data:
+    import torch
+    from torch_geometric.data import Data
+
     values: dict[str, Any] = {}
     for key, entry in header["fields"].items():
         if wanted is not None and key not in wanted:
@@ -269,28 +281,25 @@ def _decode(header: Mapping[str, Any], stored: Mapping[str, Tensor], wanted: Col
     return Data.from_dict(values)
 
 
-def _narrow(tensor: Tensor) -> Tensor:
-    """Return the tensor in the smallest dtype that gives back every value, bit for bit."""
-    if tensor.dtype in (torch.int16, torch.int32, torch.int64):
-        if tensor.numel() == 0:
-            return tensor.to(torch.int8)
-        low, high = (int(bound) for bound in torch.aminmax(tensor))
-        for dtype in _NARROW_INTEGERS:
-            bounds = torch.iinfo(dtype)
-            if dtype.itemsize < tensor.dtype.itemsize and bounds.min <= low <= high <= bounds.max:
-                return tensor.to(dtype)
-    elif tensor.dtype == torch.float32:
-        for dtype in _NARROW_FLOATS:
-            narrow = tensor.nan_to_num().clamp(torch.iinfo(dtype).min, torch.iinfo(dtype).max).to(dtype)
-            if torch.equal(_bits(narrow.to(torch.float32)), _bits(tensor)):
+def _narrow(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return the array in the smallest dtype that gives back every value, bit for bit."""
+    if array.dtype in (np.int16, np.int32, np.int64):
+        if array.size == 0:
+            return array.astype(np.int8)
+        low, high = int(array.min()), int(array.max())
+        for integer in _NARROW_INTEGERS:
+            bounds = np.iinfo(integer)
+            if bounds.bits < 8 * array.dtype.itemsize and bounds.min <= low <= high <= bounds.max:
+                return array.astype(integer)
+    elif array.dtype == np.float32:
+        for integer in _NARROW_FLOATS:
+            bounds = np.iinfo(integer)
+            narrow = np.nan_to_num(array, posinf=0, neginf=0).clip(bounds.min, bounds.max).astype(integer)
+            if np.array_equal(_bits(narrow.astype(np.float32)), _bits(array)):
                 return narrow
-    return tensor
+    return array
 
 
-def _bits(tensor: Tensor) -> Tensor:
+def _bits(array: npt.NDArray[np.float32]) -> npt.NDArray[np.int32]:
     """Return float32 values as the integers that have the same bits, which tell 0 from -0 and compare NaN equal."""
-    return tensor.contiguous().view(torch.int32)
-
-
-def _name(dtype: torch.dtype) -> str:
-    return str(dtype).removeprefix("torch.")
+    return np.ascontiguousarray(array).view(np.int32)

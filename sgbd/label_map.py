@@ -1,4 +1,4 @@
-"""Label maps in little space: runs of equal pixels, compressed, as a plain byte tensor."""
+"""Label maps in little space: runs of equal pixels, compressed, as plain bytes."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ import zlib
 
 import numpy as np
 import numpy.typing as npt
-import torch
-from torch import Tensor
 
 
-def pack(label_map: npt.NDArray[np.integer]) -> Tensor:
+def pack(label_map: npt.NDArray[np.integer]) -> npt.NDArray[np.uint8]:
     """Compress a map of ids without loss.
 
     Args:
@@ -24,14 +22,14 @@ def pack(label_map: npt.NDArray[np.integer]) -> Tensor:
     lengths = np.diff(starts, append=flat.size)
     # All lengths first, then all ids: alike numbers side by side compress better, at zlib's fastest level too.
     runs = np.concatenate([lengths, flat[starts]]).astype("<i4")
-    return torch.frombuffer(bytearray(zlib.compress(runs.tobytes(), 1)), dtype=torch.uint8)
+    return np.frombuffer(bytearray(zlib.compress(runs.tobytes(), 1)), np.uint8)
 
 
-def unpack(packed: Tensor, shape: tuple[int, int]) -> npt.NDArray[np.int32]:
+def unpack(packed: npt.ArrayLike, shape: tuple[int, int]) -> npt.NDArray[np.int32]:
     """Restore a map of ids.
 
     Args:
-        packed: uint8 [B] of `pack`.
+        packed: uint8 [B] of `pack`, an array or a tensor on the CPU.
         shape: (H, W).
 
     Returns:
@@ -41,7 +39,7 @@ def unpack(packed: Tensor, shape: tuple[int, int]) -> npt.NDArray[np.int32]:
         ValueError: If the bytes are not a packed map of that size.
     """
     try:
-        lengths, ids = np.frombuffer(zlib.decompress(packed.contiguous().numpy().tobytes()), "<i4").reshape(2, -1)
+        lengths, ids = np.frombuffer(zlib.decompress(np.asarray(packed, np.uint8).tobytes()), "<i4").reshape(2, -1)
         return np.repeat(ids, lengths).astype(np.int32).reshape(shape)
     except (zlib.error, ValueError) as error:
         raise ValueError(f"not a packed label map of {shape[0]}x{shape[1]} pixels: {error}") from error

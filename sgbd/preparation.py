@@ -26,14 +26,17 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from filelock import FileLock, Timeout
-from torch_geometric.data import Data
 from tqdm import tqdm
 
+from sgbd.adjacency import LabelMap
 from sgbd.atomic_file import write_whole
 from sgbd.features import EDGE_NAMES, NODE_NAMES
+from sgbd.frame import Frame
+from sgbd.graph import GraphBuilder
+from sgbd.graph_arrays import GraphArrays
 from sgbd.graph_file import (
     FORMAT_VERSION,
     SUFFIX,
@@ -47,6 +50,9 @@ from sgbd.own_columns import own_columns
 from sgbd.recipe import Recipe, folder_name, graph_recipe
 from sgbd.sources.source import FrameSource
 from sgbd.workers import WorkerError, map_in_order
+
+if TYPE_CHECKING:
+    from torch_geometric.data import Data
 
 log = logging.getLogger(__name__)
 
@@ -93,16 +99,16 @@ class _FrameToGraphFile:
             read = time.perf_counter()
             label_map = self.superpixels(frame)
             segmented = time.perf_counter()
-            data = self.graph(frame, label_map, category_names=self.source.category_names)
+            graph = self._build(frame, label_map)
             built = time.perf_counter()
         except MemoryError:
             raise
         except Exception as error:
             log.debug("frame %s", name, exc_info=True)
             return _Outcome(index, failure=f"{type(error).__name__}: {error}")
-        _check_columns(data, own_columns(self.graph))
-        data.name = name
-        summary = write_graph(self.folder / graph_file_name(name), data, made_from)
+        _check_columns(graph, own_columns(self.graph))
+        graph["name"] = name
+        summary = write_graph(self.folder / graph_file_name(name), graph, made_from)
         seconds = {
             "read": read - start,
             "superpixels": segmented - read,
@@ -110,6 +116,11 @@ class _FrameToGraphFile:
             "write": time.perf_counter() - built,
         }
         return _Outcome(index, summary, seconds=seconds)
+
+    def _build(self, frame: Frame, label_map: LabelMap) -> Data | GraphArrays:
+        # The usual way needs neither PyTorch nor PyG, which so stay out of the workers.
+        build = self.graph.arrays if type(self.graph) is GraphBuilder else self.graph
+        return build(frame, label_map, category_names=self.source.category_names)
 
 
 def prepare(
@@ -414,12 +425,13 @@ def _check_names(source: FrameSource) -> None:
         raise PreparationError(f"frame name {twice!r} occurs twice; names must be unique")
 
 
-def _check_columns(data: Data, own: Mapping[str, Sequence[str]]) -> None:
+def _check_columns(graph: Data | GraphArrays, own: Mapping[str, Sequence[str]]) -> None:
     for key, names, what in (("x", NODE_NAMES, "node"), ("edge_attr", EDGE_NAMES, "edge")):
         declared = len(names) + len(own.get(f"own_{what}_columns", ()))
-        if data[key].shape[1] != declared:
+        columns = graph[key].shape[1]  # type: ignore[union-attr]
+        if columns != declared:
             raise PreparationError(
-                f"the graphs have {data[key].shape[1]} {what} features, but {declared} columns are named: declare "
+                f"the graphs have {columns} {what} features, but {declared} columns are named: declare "
                 f"every column in its group in sgbd.features, or in the builder's own {what}_columns"
             )
 

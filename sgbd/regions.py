@@ -1,6 +1,6 @@
 """What one pass over the pixels tells of every superpixel, and of every border between two.
 
-Both passes exist twice: as compiled loops, which run wherever Numba is installed, and as NumPy expressions, which run
+The pass exists twice: as compiled loops, which run wherever Numba is installed, and as NumPy expressions, which run
 elsewhere and against which the tests hold the loops.
 """
 
@@ -26,6 +26,9 @@ BORDER_SUMS = 5
 
 MOMENT_PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
+# Connected regions in a plane have fewer than three borders each. Only ids that lie about in pieces have more.
+BORDERS_PER_REGION = 3
+
 
 @dataclass(frozen=True)
 class Regions:
@@ -35,9 +38,13 @@ class Regions:
         sums: float64 [N, 19], columns as named by the constants of this module: pixel count; sums of red, green, blue
             (0 to 255) and of their squares; of rows and columns; and over the pixels with depth: their count, sums of
             the camera coordinates X, Y, Z (metres) and of their six products XX, XY, XZ, YY, YZ, ZZ.
+        nearest: Smallest depth of the frame, metres; 0 where no pixel has depth.
+        farthest: Largest depth of the frame, metres.
     """
 
     sums: npt.NDArray[np.float64]
+    nearest: float
+    farthest: float
 
     @property
     def pixels(self) -> npt.NDArray[np.float64]:
@@ -64,57 +71,81 @@ class Borders:
     sums: npt.NDArray[np.float64]
 
 
-def region_sums(frame: Frame, label_map: LabelMap) -> Regions:
-    """Sum colours, positions and camera coordinates over every superpixel.
+def region_and_border_sums(frame: Frame, label_map: LabelMap) -> tuple[Regions, Borders]:
+    """Sum colours, positions and camera coordinates over every superpixel, and steps over every border between two.
 
     Args:
         frame: The frame.
         label_map: int32 [H, W], ids 0..N-1.
 
     Returns:
-        The sums of each superpixel.
+        The sums of each superpixel, and every pair of superpixels with a common border with its sums.
     """
     count = int(label_map.max()) + 1
     camera = np.array([frame.camera.fx, frame.camera.fy, frame.camera.cx, frame.camera.cy])
-    pass_over_pixels: Any = _sum_regions_compiled if HAS_NUMBA else sum_regions_numpy
-    return Regions(pass_over_pixels(label_map, frame.rgb, frame.depth, camera, count))
-
-
-def border_sums(frame: Frame, label_map: LabelMap) -> Borders:
-    """Sum colour and depth steps over every border between two superpixels.
-
-    Args:
-        frame: The frame.
-        label_map: int32 [H, W], ids 0..N-1.
-
-    Returns:
-        Every pair of superpixels with a common border, and its sums.
-    """
-    count = int(label_map.max()) + 1
-    pass_over_pixels: Any = _sum_borders_compiled if HAS_NUMBA else sum_borders_numpy
-    keys, sums = pass_over_pixels(label_map, frame.rgb, frame.depth, count)
+    regions, depth_range, keys, borders = _sums(label_map, frame.rgb, frame.depth, camera, count)
     order = np.argsort(keys)
-    keys, sums = keys[order], sums[order]
-    return Borders(np.stack([keys // count, keys % count]), sums)
+    keys, borders = keys[order], borders[order]
+    nearest, farthest = depth_range
+    return Regions(regions, nearest, farthest), Borders(np.stack([keys // count, keys % count]), borders)
 
 
-@compiled
-def _sum_regions_compiled(label_map, rgb, depth, camera, count):  # type: ignore[no-untyped-def]
+def _sums(
+    label_map: LabelMap,
+    rgb: npt.NDArray[np.uint8],
+    depth: npt.NDArray[np.float32],
+    camera: npt.NDArray[np.float64],
+    count: int,
+) -> Any:
+    if not HAS_NUMBA:
+        regions = sum_regions_numpy(label_map, rgb, depth, camera, count)
+        return *regions, *sum_borders_numpy(label_map, rgb, depth, count)
+    limit = BORDERS_PER_REGION * count
+    while True:
+        *sums, used = _sums_compiled(label_map, rgb, depth, camera, count, limit)
+        if used <= limit:
+            return sums
+        limit *= 4
+
+
+@compiled(fastmath={"reassoc", "contract", "nsz"})
+def _sums_compiled(label_map, rgb, depth, camera, count, limit):  # type: ignore[no-untyped-def]
+    """Sum over regions and borders in one pass; a number of borders above `limit` says that they did not fit."""
     height, width = label_map.shape
-    sums = np.zeros((count, SUMS))
+    regions = np.zeros((count, SUMS))
     fx, fy, cx, cy = camera
     x_slopes = (np.arange(width) - cx) / fx
+    nearest, farthest = np.inf, 0.0
+
+    # An open-addressing hash table from the keys of borders to rows of their sums, at most half full.
+    capacity = 16
+    while capacity < 2 * limit:
+        capacity *= 2
+    table = np.full(capacity, -1)
+    keys, borders = np.empty(limit, np.int64), np.zeros((limit, BORDER_SUMS))
+    used = 0
+    last_key, border = np.int64(-1), 0
+    right, down = np.empty(width, np.int64), np.empty(width, np.int64)
     for row in range(height):
+        # Where a step to the right, or down, leads into another superpixel, found without a branch.
+        rights = downs = 0
+        for column in range(width - 1):
+            right[rights] = column
+            rights += label_map[row, column] != label_map[row, column + 1]
+        if row + 1 < height:
+            for column in range(width):
+                down[downs] = column
+                downs += label_map[row, column] != label_map[row + 1, column]
+
+        # Pixels of one superpixel come in runs: sum a run in registers, then add it once. Missing depth is 0 and adds
+        # nothing but to the count; Y is y_slope * Z throughout the row, so that its sums need no loop.
         y_slope = (row - cy) / fy
-        column = 0
-        while column < width:
-            # Pixels of one superpixel come in runs: sum a run in registers, then add it once. Missing depth is 0 and
-            # adds nothing but to the count; Y is y_slope * Z throughout the row, so that its sums need no loop.
-            region = label_map[row, column]
-            first = column
+        first = 0
+        for run in range(rights + 1):
+            last = right[run] if run < rights else width - 1
             red = green = blue = red_squared = green_squared = blue_squared = valid = 0
             x_sum = z_sum = xx_sum = xz_sum = zz_sum = 0.0
-            while column < width and label_map[row, column] == region:
+            for column in range(first, last + 1):
                 r, g, b = int(rgb[row, column, 0]), int(rgb[row, column, 1]), int(rgb[row, column, 2])
                 red += r
                 green += g
@@ -122,6 +153,7 @@ def _sum_regions_compiled(label_map, rgb, depth, camera, count):  # type: ignore
                 red_squared += r * r
                 green_squared += g * g
                 blue_squared += b * b
+            for column in range(first, last + 1):
                 z = np.float64(depth[row, column])
                 x = x_slopes[column] * z
                 valid += int(z > 0)
@@ -130,28 +162,67 @@ def _sum_regions_compiled(label_map, rgb, depth, camera, count):  # type: ignore
                 xx_sum += x * x
                 xz_sum += x * z
                 zz_sum += z * z
-                column += 1
-            length = column - first
-            sums[region, PIXELS] += length
-            sums[region, RGB] += red
-            sums[region, RGB + 1] += green
-            sums[region, RGB + 2] += blue
-            sums[region, RGB_SQUARED] += red_squared
-            sums[region, RGB_SQUARED + 1] += green_squared
-            sums[region, RGB_SQUARED + 2] += blue_squared
-            sums[region, ROW] += row * length
-            sums[region, COLUMN] += length * (first + column - 1) / 2
-            sums[region, VALID] += valid
-            sums[region, XYZ] += x_sum
-            sums[region, XYZ + 1] += y_slope * z_sum
-            sums[region, XYZ + 2] += z_sum
-            sums[region, XYZ_SQUARED] += xx_sum
-            sums[region, XYZ_SQUARED + 1] += y_slope * xz_sum
-            sums[region, XYZ_SQUARED + 2] += xz_sum
-            sums[region, XYZ_SQUARED + 3] += y_slope * y_slope * zz_sum
-            sums[region, XYZ_SQUARED + 4] += y_slope * zz_sum
-            sums[region, XYZ_SQUARED + 5] += zz_sum
-    return sums
+                farthest = max(farthest, z)
+                nearest = min(nearest, z if z > 0 else np.inf)
+            length = last + 1 - first
+            region = label_map[row, first]
+            regions[region, PIXELS] += length
+            regions[region, RGB] += red
+            regions[region, RGB + 1] += green
+            regions[region, RGB + 2] += blue
+            regions[region, RGB_SQUARED] += red_squared
+            regions[region, RGB_SQUARED + 1] += green_squared
+            regions[region, RGB_SQUARED + 2] += blue_squared
+            regions[region, ROW] += row * length
+            regions[region, COLUMN] += length * (first + last) / 2
+            regions[region, VALID] += valid
+            regions[region, XYZ] += x_sum
+            regions[region, XYZ + 1] += y_slope * z_sum
+            regions[region, XYZ + 2] += z_sum
+            regions[region, XYZ_SQUARED] += xx_sum
+            regions[region, XYZ_SQUARED + 1] += y_slope * xz_sum
+            regions[region, XYZ_SQUARED + 2] += xz_sum
+            regions[region, XYZ_SQUARED + 3] += y_slope * y_slope * zz_sum
+            regions[region, XYZ_SQUARED + 4] += y_slope * zz_sum
+            regions[region, XYZ_SQUARED + 5] += zz_sum
+            first = last + 1
+
+        for step in range(rights + downs):
+            is_down = step >= rights
+            column = down[step - rights] if is_down else right[step]
+            next_row, next_column = row + is_down, column + 1 - is_down
+            a, b = label_map[row, column], label_map[next_row, next_column]
+            key = np.int64(min(a, b)) * count + max(a, b)
+            # Steps side by side mostly cross the same border.
+            if key != last_key:
+                last_key = key
+                slot = (key * 0x9E3779B1 >> 7) & (capacity - 1)
+                while table[slot] >= 0 and keys[table[slot]] != key:
+                    slot = (slot + 1) & (capacity - 1)
+                border = table[slot]
+                if border < 0:
+                    if used == limit:
+                        return regions, (nearest, farthest), keys, borders, limit + 1
+                    border = used
+                    table[slot] = used
+                    keys[used] = key
+                    used += 1
+            distance = 0
+            for k in range(3):
+                difference = int(rgb[row, column, k]) - int(rgb[next_row, next_column, k])
+                distance += difference * difference
+            borders[border, PAIRS] += 1
+            borders[border, COLOR_STEP] += np.sqrt(np.float64(distance))
+            z, next_z = np.float64(depth[row, column]), np.float64(depth[next_row, next_column])
+            if z > 0 and next_z > 0:
+                jump = abs(z - next_z)
+                if borders[border, VALID_PAIRS] == 0 or jump < borders[border, DEPTH_STEP_MIN]:
+                    borders[border, DEPTH_STEP_MIN] = jump
+                borders[border, VALID_PAIRS] += 1
+                borders[border, DEPTH_STEP] += jump
+    if farthest == 0:
+        nearest = 0.0
+    return regions, (nearest, farthest), keys[:used].copy(), borders[:used].copy(), used
 
 
 def sum_regions_numpy(
@@ -160,8 +231,8 @@ def sum_regions_numpy(
     depth: npt.NDArray[np.float32],
     camera: npt.NDArray[np.float64],
     count: int,
-) -> npt.NDArray[np.float64]:
-    """Sum over regions with one `numpy.bincount` a column; see `Regions` for the result."""
+) -> tuple[npt.NDArray[np.float64], tuple[float, float]]:
+    """Sum over regions with one `numpy.bincount` a column; see `Regions` for the sums, and the range of the depth."""
     fx, fy, cx, cy = camera
     rows, columns = np.indices(label_map.shape, dtype=np.float64)
     z = depth.astype(np.float64)
@@ -178,70 +249,10 @@ def sum_regions_numpy(
         *(xyz[a] * xyz[b] for a, b in MOMENT_PAIRS),
     ]
     flat = label_map.ravel()
-    return np.stack([np.bincount(flat, weight.ravel(), count) for weight in weights], axis=1)
-
-
-@compiled
-def _sum_borders_compiled(label_map, rgb, depth, count):  # type: ignore[no-untyped-def]
-    width = label_map.shape[1]
-    steps = _steps_across_borders(label_map)
-    # An open-addressing hash table from border keys to rows of sums. There are no more borders than steps across them,
-    # so that it is never more than half full and no array changes in the loop, which compilers reward.
-    capacity = 16
-    while capacity < 2 * len(steps):
-        capacity *= 2
-    table = np.full(capacity, -1)
-    keys, sums = np.empty(len(steps), np.int64), np.zeros((len(steps), BORDER_SUMS))
-    used = 0
-    for step in steps:
-        pixel, down = step >> 1, step & 1
-        row, column = pixel // width, pixel % width
-        next_row, next_column = row + down, column + 1 - down
-        a, b = label_map[row, column], label_map[next_row, next_column]
-        key = np.int64(min(a, b)) * count + max(a, b)
-        slot = (key * 0x9E3779B1 >> 7) & (capacity - 1)
-        while table[slot] >= 0 and keys[table[slot]] != key:
-            slot = (slot + 1) & (capacity - 1)
-        border = table[slot]
-        if border < 0:
-            border = used
-            table[slot] = used
-            keys[used] = key
-            used += 1
-        distance = 0
-        for k in range(3):
-            difference = int(rgb[row, column, k]) - int(rgb[next_row, next_column, k])
-            distance += difference * difference
-        sums[border, PAIRS] += 1
-        sums[border, COLOR_STEP] += np.sqrt(np.float64(distance))
-        z, next_z = np.float64(depth[row, column]), np.float64(depth[next_row, next_column])
-        if z > 0 and next_z > 0:
-            jump = abs(z - next_z)
-            if sums[border, VALID_PAIRS] == 0 or jump < sums[border, DEPTH_STEP_MIN]:
-                sums[border, DEPTH_STEP_MIN] = jump
-            sums[border, VALID_PAIRS] += 1
-            sums[border, DEPTH_STEP] += jump
-    return keys[:used].copy(), sums[:used].copy()
-
-
-@compiled
-def _steps_across_borders(label_map):  # type: ignore[no-untyped-def]
-    """Find the steps that lead into another superpixel: twice the pixel's index, plus 1 for down instead of right."""
-    height, width = label_map.shape
-    # Memory that is never written to costs nothing.
-    steps = np.empty(2 * height * width, np.int64)
-    count = 0
-    for row in range(height):
-        for column in range(width - 1):
-            if label_map[row, column] != label_map[row, column + 1]:
-                steps[count] = 2 * (row * width + column)
-                count += 1
-        if row + 1 < height:
-            for column in range(width):
-                if label_map[row, column] != label_map[row + 1, column]:
-                    steps[count] = 2 * (row * width + column) + 1
-                    count += 1
-    return steps[:count]
+    columns_of_sums = [np.bincount(flat, weight.ravel(), count) for weight in weights]
+    sums = np.stack(columns_of_sums, axis=1).astype(np.float64, copy=False)
+    known = z[z > 0]
+    return sums, (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
 
 
 def sum_borders_numpy(

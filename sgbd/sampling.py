@@ -9,7 +9,7 @@ import torch
 from torch import Generator, Tensor
 from torch_geometric.data import Data
 
-from sgbd.graph import MERGE, UNKNOWN
+from sgbd.graph_arrays import MERGE, UNKNOWN
 
 
 class EdgeSampler(Protocol):

@@ -5,14 +5,19 @@ from __future__ import annotations
 import copy
 from dataclasses import dataclass
 from itertools import chain
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 import torch
 from torch import Tensor, nn
-from torch_geometric.data import Data
 
 from sgbd.partition import Partitioner
+
+if TYPE_CHECKING:
+    from torch_geometric.data import Data
+
+    from sgbd.graph_tensors import GraphTensors
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +34,7 @@ class Classification:
 
 
 @torch.inference_mode()
-def classify(model: nn.Module, objectness: nn.Module | None, data: Data) -> Classification:
+def classify(model: nn.Module, objectness: nn.Module | None, data: Data | GraphTensors) -> Classification:
     """Run the networks on one graph, on the device that they are on.
 
     Args:
@@ -110,7 +115,9 @@ class ObjectRule:
         return accepted
 
 
-def partition_graph(data: Data, classification: Classification, partition: Partitioner, rule: ObjectRule) -> Segments:
+def partition_graph(
+    data: Data | GraphTensors, classification: Classification, partition: Partitioner, rule: ObjectRule
+) -> Segments:
     """Partition a classified graph and judge its segments.
 
     Args:
@@ -178,7 +185,7 @@ class Segmentation:
 
 
 def paint(
-    superpixels: npt.NDArray[np.int32], data: Data, classification: Classification, segments: Segments
+    superpixels: npt.NDArray[np.int32], data: Data | GraphTensors, classification: Classification, segments: Segments
 ) -> Segmentation:
     """Paint the segments that are objects into the image.
 

@@ -5,22 +5,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 import torch
-from torch_geometric.data import Data
+from torch import nn
 
 from sgbd.adjacency import LabelMap
 from sgbd.checkpoint import Checkpoint, instantiate
 from sgbd.features import EDGE_NAMES, NODE_NAMES, edge_columns, node_columns
 from sgbd.frame import Frame, Intrinsics
 from sgbd.graph import GraphBuilder
+from sgbd.graph_tensors import GraphTensors
 from sgbd.own_columns import with_own_columns
 from sgbd.partition import Partitioner
 from sgbd.segmentation import ObjectRule, Segmentation, classify, paint, partition_graph
 from sgbd.superpixels import Superpixels
 from sgbd.torch_threads import torch_threads
+
+if TYPE_CHECKING:
+    from torch_geometric.data import Data
 
 
 class Segmenter:
@@ -114,7 +119,7 @@ class Segmenter:
         if frame.instances is not None:
             frame = replace(frame, instances=None)
         label_map = self.superpixels(frame)
-        data = self.build_graph(frame, label_map)
+        data = self.graph_tensors(frame, label_map)
         with torch_threads(self.threads):
             classification = classify(self.model, self.objectness, data)
         segments = partition_graph(data, classification, self.partition, self.rule)
@@ -137,8 +142,29 @@ class Segmenter:
         ]
         return data
 
+    def graph_tensors(self, frame: Frame, label_map: LabelMap) -> GraphTensors | Data:
+        """Build what `build_graph` gives, without PyG where the networks of this package need no more than tensors.
 
-def node_map(label_map: LabelMap, data: Data) -> LabelMap:
+        Args:
+            frame: The frame.
+            label_map: int32 [H, W], its superpixels.
+
+        Returns:
+            The graph; a `Data` where the builder or a network is of a user's own making.
+        """
+        networks = [network for network in (self.model, self.objectness) if network is not None]
+        if type(self.graph) is not GraphBuilder or not all(map(_reads_fields_only, networks)):
+            return self.build_graph(frame, label_map)
+        arrays = self.graph.arrays(frame, label_map, store_maps=False)
+        return GraphTensors(arrays, self._node_columns, self._edge_columns)
+
+
+def _reads_fields_only(network: nn.Module) -> bool:
+    """Say whether a network is one of this package's, which ask a graph for nothing but its fields."""
+    return type(network).forward.__module__.startswith("sgbd.models.")
+
+
+def node_map(label_map: LabelMap, data: Data | GraphTensors) -> LabelMap:
     """Return the map of a graph's nodes.
 
     Args:
@@ -148,7 +174,7 @@ def node_map(label_map: LabelMap, data: Data) -> LabelMap:
     Returns:
         int32 [H, W]: the superpixels themselves, or the segments of a first stage (`sgbd.agglomeration`).
     """
-    if "node_of_superpixel" not in data:
+    if isinstance(data, GraphTensors) or "node_of_superpixel" not in data:
         return label_map
     nodes: LabelMap = data.node_of_superpixel.numpy().astype(np.int32)[label_map]
     return nodes

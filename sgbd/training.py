@@ -27,7 +27,7 @@ from tqdm import tqdm
 from sgbd.atomic_file import write_whole
 from sgbd.batches import EpochBatches, batches_in_order, derived_seeds
 from sgbd.checkpoint import CHECKPOINT_FILE, Checkpoint
-from sgbd.graph import CUT, MERGE
+from sgbd.graph_arrays import CUT, MERGE
 from sgbd.losses import EdgeLoss
 from sgbd.models import EdgeClassifier, ObjectnessHead, object_targets
 from sgbd.models.standardize import ColumnMoments

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import inspect
 import multiprocessing
 import os
 import pickle
+import pickletools
 import signal
 import sys
 import threading
@@ -62,8 +62,8 @@ def map_in_order(
         return (function(index) for index in indices)
     if getattr(multiprocessing.current_process(), "_inheriting", False):
         raise WorkerError(
-            "worker processes import the main script, and this script starts worker processes when it is imported. "
-            "Put its calls under \"if __name__ == '__main__':\", or use workers=0."
+            "worker processes import the main script, in which their work is defined, and this script starts worker "
+            "processes when it is imported. Put its calls under \"if __name__ == '__main__':\", or use workers=0."
         )
     try:
         message = pickle.dumps(function)
@@ -72,15 +72,15 @@ def map_in_order(
             f"this cannot be sent to worker processes: {error}. Define its functions and classes at the top level of a "
             "module, or use workers=0."
         ) from error
-    owner = function if inspect.isroutine(function) else type(function)
-    return _map_in_processes(message, [owner.__module__], indices, min(workers, len(indices)), chunk_size)
+    return _map_in_processes(message, indices, min(workers, len(indices)), chunk_size)
 
 
 def _map_in_processes(
-    message: bytes, modules: list[str], indices: Sequence[int], workers: int, chunk_size: int | None
+    message: bytes, indices: Sequence[int], workers: int, chunk_size: int | None
 ) -> Generator[Any, None, None]:
     size = chunk_size or max(1, min(8, len(indices) // (4 * workers)))
     chunks = [indices[start : start + size] for start in range(0, len(indices), size)]
+    modules = _modules_of(message)
     context = _start_method(modules)
     # Without a lock, which a worker that is killed could take with it.
     stop = context.RawValue(ctypes.c_bool, False)
@@ -88,7 +88,7 @@ def _map_in_processes(
     in_flight: deque[Future[list[Any]]] = deque()
     try:
         for chunk in chunks:
-            with _conditions_for_workers():  # a task that finds no idle process starts one
+            with _conditions_for_workers("__main__" in modules):  # a task that finds no idle process starts one
                 in_flight.append(pool.submit(_run_chunk, chunk))
             if len(in_flight) > CHUNKS_IN_FLIGHT * workers:
                 yield from in_flight.popleft().result()
@@ -104,17 +104,23 @@ def _map_in_processes(
         pool.shutdown(wait=True, cancel_futures=True)
 
 
+def _modules_of(message: bytes) -> list[str]:
+    """Return the modules that a pickled object names, `__main__` among them if its code is in the main script."""
+    texts = dict.fromkeys(value for _, value, _ in pickletools.genops(message) if isinstance(value, str))
+    return [text for text in texts if text in sys.modules]
+
+
 def _start_method(modules: list[str]) -> BaseContext:
     """Return how to start processes: as copies of a server that has imported `modules`, or anew where there is none.
 
-    Importing PyTorch and PyG takes seconds, so a server that does it once for all workers of this process pays. It runs
-    no threads, so to copy it is safe, which to copy this process would not be.
+    Imports take longer than some frames do, so a server that does them once for all workers of this process pays. It
+    runs no threads, so to copy it is safe, which to copy this process would not be.
     """
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
     main = getattr(sys.modules["__main__"], "__spec__", None)
-    if main is not None:
+    if main is not None and "__main__" in modules:
         # Workers import the main module; what that imports is then there already.
         modules = [*modules, main.name]
     context.set_forkserver_preload([module for module in modules if module != "__main__"])
@@ -122,15 +128,25 @@ def _start_method(modules: list[str]) -> BaseContext:
 
 
 @contextlib.contextmanager
-def _conditions_for_workers() -> Iterator[None]:
-    """Let processes that are started here inherit one thread each, and deafness to Ctrl-C, which is this process's."""
+def _conditions_for_workers(need_main: bool) -> Iterator[None]:
+    """Let processes that are started here inherit one thread each, and deafness to Ctrl-C, which is this process's.
+
+    They import the main module only if they need it: that of a training holds PyTorch and much else that takes seconds
+    and hundreds of MiB in each of them.
+    """
     settings = dict.fromkeys(THREAD_COUNTS, "1")
-    main = getattr(sys.modules["__main__"], "__spec__", None)
-    if main is not None:
+    main = sys.modules["__main__"]
+    spec = getattr(main, "__spec__", None)
+    if spec is not None:
         # The server has imported the main module, and Python would warn in each worker that it is imported once more.
-        settings["PYTHONWARNINGS"] = f"ignore:'{main.name}' found in sys.modules:RuntimeWarning"
+        settings["PYTHONWARNINGS"] = f"ignore:'{spec.name}' found in sys.modules:RuntimeWarning"
     before = {name: os.environ.get(name) for name in settings}
     os.environ.update(settings)
+    # These two are where processes look for the main module that they import.
+    hidden: dict[str, Any] = {name: vars(main)[name] for name in ("__spec__", "__file__") if name in vars(main)}
+    if need_main:
+        hidden = {}
+    vars(main).update(dict.fromkeys(hidden))
     # Blocked rather than ignored, an interruption in between still reaches this process afterwards.
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if hasattr(signal, "pthread_sigmask") else None
     try:
@@ -138,6 +154,7 @@ def _conditions_for_workers() -> Iterator[None]:
     finally:
         if mask is not None:
             signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        vars(main).update(hidden)
         for name, value in before.items():
             if value is None:
                 os.environ.pop(name, None)

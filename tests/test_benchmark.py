@@ -4,10 +4,12 @@ import json
 import math
 
 import pytest
+from PIL import Image
 
 from sgbd.benchmark import run_benchmark
 from sgbd.benchmarking import fresh_process, sections
 from sgbd.benchmarking.checkpoints import configured_checkpoint
+from sgbd.benchmarking.curves import draw_curves
 from sgbd.benchmarking.evaluation_speed import STAGES as EVALUATION_STAGES
 from sgbd.benchmarking.extent import SHORT, Extent
 from sgbd.benchmarking.frames import made_up_scene
@@ -29,10 +31,13 @@ COLUMNS = {
         *("first_call_s", "process_s"),
     },
     "prepare": {
-        *("workers", "frames", "seconds", "seconds_to_first_graph", "frames_per_second_then"),
+        *("superpixels", "workers", "frames", "seconds", "seconds_to_first_graph", "frames_per_second_then"),
         *("seconds_per_frame_and_core", "cpu_seconds_per_frame", "read_ms", "superpixels_ms", "graph_ms", "write_ms"),
         *("worker_resident_mib", "worker_own_mib"),
     },
+    "curve_size": SPREAD | {"width", "height"},
+    "curve_n": SPREAD | {"n"},
+    "curve_frames": {"frames", "seconds", "cpu_seconds_per_frame"},
     "train": {
         *("graphs", "nodes", "edges", "epochs", "seconds", "cpu_seconds", "median_epoch_seconds", "graphs_per_second"),
     },
@@ -62,7 +67,9 @@ def fresh_starts(monkeypatch) -> list[dict[str, str]]:
     return environments
 
 
-def test_all_sections_in_their_order_with_their_columns(capsys, fresh_starts):
+def test_all_sections_in_their_order_with_their_columns(capsys, fresh_starts, monkeypatch, tmp_path):
+    monkeypatch.setattr(sections, "WIDTHS", (32, 64))
+    monkeypatch.setattr(sections, "NUMBERS", (8, 16, 24))
     with small_benchmark("n=[16,24]") as config:
         report = run_benchmark(config)
     assert [table.name for table in report.tables] == list(COLUMNS)
@@ -86,7 +93,12 @@ def test_all_sections_in_their_order_with_their_columns(capsys, fresh_starts):
     # A folder of their own, which the second finds filled by the first.
     assert set(cold) == {"NUMBA_CACHE_DIR"}
     assert cold == warm
-    assert [row["frames"] for row in tables["prepare"]] == [3]
+    assert [(row["superpixels"], row["frames"]) for row in tables["prepare"]] == [("FastSlic", 3), ("Slic", 1)]
+    assert [(row["width"], row["height"]) for row in tables["curve_size"]] == [(32, 24), (64, 48)]
+    assert [row["n"] for row in tables["curve_n"]] == [8, 16, 24]
+    assert [row["frames"] for row in tables["curve_frames"]] == [1, 1, 1, 3]
+    draw_curves(report, tmp_path / "curves.png")
+    assert Image.open(tmp_path / "curves.png").size == (1440, 456)
     assert (tables["train"][0]["graphs"], tables["train"][0]["epochs"]) == (5, 2)
     assert [row["stage"] for row in tables["evaluate"]][:4] == list(EVALUATION_STAGES)
     assert tables["evaluate"][0]["repeats"] == 3  # one pass over three frames
@@ -98,14 +110,14 @@ def test_all_sections_in_their_order_with_their_columns(capsys, fresh_starts):
 
 
 def test_comparing_takes_turns_and_measures_nothing_else(capsys):
-    with small_benchmark("compare=[superpixels/slic_fast,superpixels/slic_reference]", "n=[16,24]") as config:
+    with small_benchmark("compare=[slic_fast,superpixels/slic_reference]", "n=[16,24]") as config:
         report = run_benchmark(config)
     assert [table.name for table in report.tables] == ["compare_n16", "compare_n24"]
     first, second = report.tables[0].rows
-    assert (first["method"], second["method"]) == ("superpixels/slic_fast", "superpixels/slic_reference")
+    assert (first["method"], second["method"]) == ("slic_fast", "superpixels/slic_reference")
     assert first["ratio"] == 1
     assert first["repeats"] == second["repeats"] == 3
-    assert "ratios of times to those of superpixels/slic_fast" in capsys.readouterr().out
+    assert "ratios of times to those of slic_fast" in capsys.readouterr().out
 
 
 def test_a_trained_model_is_measured_as_such(tmp_path, capsys):

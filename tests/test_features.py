@@ -15,19 +15,20 @@ from sgbd.features import (
     sums_of_pairs,
 )
 from sgbd.frame import Frame, Intrinsics
-from sgbd.regions import Borders, border_sums, region_sums
+from sgbd.regions import VALID, Borders, region_and_border_sums
+from tests import feature_oracle
 from tests.label_maps import frames, label_maps
 
 
 def _node(frame: Frame, label_map: npt.NDArray[np.int32]) -> dict[str, npt.NDArray[np.float32]]:
-    regions, borders = region_sums(frame, label_map), border_sums(frame, label_map)
+    regions, borders = region_and_border_sums(frame, label_map)
     features = node_features(frame, regions, Geometry(regions, borders, frame.camera))
     return dict(zip(NODE_NAMES, features.T, strict=True))
 
 
 def _edge(frame: Frame, label_map: npt.NDArray[np.int32]) -> tuple[dict[str, float], dict[str, float]]:
     """Features of the first edge, both ways."""
-    regions, borders = region_sums(frame, label_map), border_sums(frame, label_map)
+    regions, borders = region_and_border_sums(frame, label_map)
     both = edge_features(borders.pairs, borders, regions, Geometry(regions, borders, frame.camera))
     return tuple(dict(zip(EDGE_NAMES, features[0].tolist(), strict=True)) for features in both)  # type: ignore
 
@@ -132,7 +133,7 @@ def test_features_are_finite_and_edges_the_same_both_ways(
     label_map: npt.NDArray[np.int32], data: st.DataObject
 ) -> None:
     frame = data.draw(frames(label_map.shape))
-    regions, borders = region_sums(frame, label_map), border_sums(frame, label_map)
+    regions, borders = region_and_border_sums(frame, label_map)
     geometry = Geometry(regions, borders, frame.camera)
     assert np.isfinite(node_features(frame, regions, geometry)).all()
     forward, backward = edge_features(borders.pairs, borders, regions, geometry)
@@ -147,3 +148,35 @@ def test_pairs_without_a_border_have_zero_sums() -> None:
     borders = Borders(np.array([[0, 1], [1, 2]]), np.array([[3.0, 1, 2, 1, 0.5], [4.0, 0, 4, 2, 0.1]]))
     sums = sums_of_pairs(np.array([[0, 0, 1], [1, 2, 2]]), borders)
     assert sums.tolist() == [borders.sums[0].tolist(), [0] * 5, borders.sums[1].tolist()]
+
+
+@given(label_maps(), st.data())
+def test_features_equal_those_of_numpy(label_map: npt.NDArray[np.int32], data: st.DataObject) -> None:
+    frame = data.draw(frames(label_map.shape))
+    regions, borders = region_and_border_sums(frame, label_map)
+    geometry = Geometry(regions, borders, frame.camera)
+    expected = feature_oracle.node_features(frame, regions, geometry)
+    np.testing.assert_allclose(node_features(frame, regions, geometry), expected, rtol=1e-5, atol=1e-6)
+    compiled = edge_features(borders.pairs, borders, regions, geometry)
+    for got, wanted in zip(
+        compiled, feature_oracle.edge_features(borders.pairs, borders, regions, geometry), strict=True
+    ):
+        np.testing.assert_allclose(got, wanted, rtol=1e-5, atol=1e-6)
+
+
+@given(label_maps(), st.data())
+def test_planes_equal_those_of_lapack(label_map: npt.NDArray[np.int32], data: st.DataObject) -> None:
+    frame = data.draw(frames(label_map.shape))
+    regions, borders = region_and_border_sums(frame, label_map)
+    geometry = Geometry(regions, borders, frame.camera)
+    covariance = feature_oracle.covariances(regions)
+    variances = np.linalg.eigvalsh(covariance)
+    fitted = regions.sums[:, VALID] >= 3
+    scale = np.maximum(variances[:, 2], 1e-9)
+    np.testing.assert_allclose(np.linalg.norm(geometry.normal, axis=1), 1, atol=1e-12)
+    assert ((geometry.normal * geometry.centroid).sum(1) <= 1e-12).all(), "normals face the camera"
+    smallest = np.where(fitted, np.maximum(variances[:, 0], 0), 0)
+    np.testing.assert_allclose(geometry.residual**2 / scale, smallest / scale, atol=1e-12)
+    # Where two variances are equal any direction between their axes is right: ask whether it is an eigenvector.
+    along = np.einsum("nab,nb->na", covariance, geometry.normal) - variances[:, :1] * geometry.normal
+    np.testing.assert_allclose((along / scale[:, None])[fitted], 0, atol=1e-9)

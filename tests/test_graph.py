@@ -15,7 +15,8 @@ from torch_geometric.nn import GCNConv, GINEConv, TransformerConv
 from sgbd.adjacency import border_pairs, bounding_box_pairs
 from sgbd.features import EDGE_NAMES, NODE_NAMES
 from sgbd.frame import Frame
-from sgbd.graph import GraphBuilder, build_graph, edge_positions, overlap_table, to_networkx
+from sgbd.graph import GraphBuilder, build_graph, edge_positions, to_networkx
+from sgbd.graph_arrays import overlap_table
 from sgbd.label_map import unpack
 from tests.label_maps import frames, label_maps
 

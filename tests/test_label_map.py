@@ -13,8 +13,8 @@ from tests.label_maps import shapes
 @given(hnp.arrays(np.int32, shapes(), elements=st.integers(-1, 100_000)))
 def test_round_trip(label_map: npt.NDArray[np.int32]) -> None:
     packed = pack(label_map)
-    assert packed.dtype == torch.uint8
-    restored = unpack(packed, label_map.shape)  # type: ignore[arg-type]
+    assert packed.dtype == np.uint8
+    restored = unpack(torch.from_numpy(packed), label_map.shape)  # type: ignore[arg-type]
     assert restored.dtype == np.int32
     assert (restored == label_map).all()
 

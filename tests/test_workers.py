@@ -95,10 +95,36 @@ def test_bad_arguments(function: Callable[[int], int], workers: int, message: st
         map_in_order(function, range(3), workers)
 
 
+def _run(folder: Path, script: str) -> subprocess.CompletedProcess[str]:
+    (folder / "script.py").write_text(script)
+    return subprocess.run(
+        [sys.executable, folder / "script.py"], capture_output=True, text=True, timeout=120, check=False
+    )
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="runs a script as a POSIX process")
 def test_a_script_without_guard_gets_advice_instead_of_hanging(tmp_path: Path) -> None:
-    script = tmp_path / "script.py"
-    script.write_text("from sgbd.workers import map_in_order\nprint(list(map_in_order(abs, range(3), 1)))\n")
-    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120, check=False)
+    done = _run(
+        tmp_path,
+        "from sgbd.workers import map_in_order\n"
+        "def twice(index): return 2 * index\n"
+        "print(list(map_in_order(twice, range(3), 1)))\n",
+    )
     assert done.returncode != 0
     assert "if __name__ == '__main__':" in done.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="runs a script as a POSIX process")
+def test_workers_import_the_main_script_only_for_what_is_defined_in_it(tmp_path: Path) -> None:
+    # Without a guard: it would start workers again if it were imported.
+    done = _run(tmp_path, "from sgbd.workers import map_in_order\nprint(list(map_in_order(abs, range(3), 1)))\n")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "[0, 1, 2]\n"
+    done = _run(
+        tmp_path,
+        "from sgbd.workers import map_in_order\n"
+        "def twice(index): return 2 * index\n"
+        "if __name__ == '__main__': print(list(map_in_order(twice, range(3), 1)), __file__.endswith('script.py'))\n",
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "[0, 2, 4] True\n"

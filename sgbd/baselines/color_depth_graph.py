@@ -12,7 +12,7 @@ from skimage.graph import RAG
 
 from sgbd.adjacency import LabelMap
 from sgbd.frame import Frame
-from sgbd.regions import DEPTH_STEP, VALID_PAIRS, border_sums
+from sgbd.regions import DEPTH_STEP, VALID_PAIRS, region_and_border_sums
 
 LAB_RANGE = 100.0
 """Lightness of white in Lab."""
@@ -57,7 +57,7 @@ class ColorDepthGraph:
         graph.add_nodes_from(
             (node, {"labels": [node], "pixels": int(pixels[node]), "color": color[node]}) for node in range(count)
         )
-        borders = border_sums(frame, label_map)
+        _, borders = region_and_border_sums(frame, label_map)
         known, step = borders.sums[:, VALID_PAIRS], borders.sums[:, DEPTH_STEP]
         for i, j, pairs_known, steps in zip(*borders.pairs.tolist(), known.tolist(), step.tolist(), strict=True):
             edge = {"known": pairs_known, "step": steps}

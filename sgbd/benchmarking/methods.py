@@ -26,7 +26,8 @@ def make_method(name: str, config: DictConfig, n: int) -> Method:
     Args:
         name: `ours`, the configured segmenter, frame to segmentation; `reference`, the published algorithm re-stated;
             `scikit_image`, its two SLIC calls and nothing else; or `ours` with one option changed, as
-            `<group>/<option>`, such as `superpixels/slic_reference` or `model/gated_gcn`.
+            `<group>/<option>`, such as `superpixels/slic_reference`, or as the option alone, such as `slic_reference`
+            or `gated_gcn`, where one group only has it.
         config: Of the benchmark.
         n: Superpixels asked for on colour and on depth.
 
@@ -50,7 +51,7 @@ def with_option(config: DictConfig, name: str) -> DictConfig:
 
     Args:
         config: Of the benchmark; Hydra must be running.
-        name: `<group>/<option>`.
+        name: `<group>/<option>`, or an option that one group only has.
 
     Returns:
         A changed copy.
@@ -58,8 +59,12 @@ def with_option(config: DictConfig, name: str) -> DictConfig:
     Raises:
         ConfigurationError: If there is no such option, or the model comes from a checkpoint.
     """
-    group, _, option = name.partition("/")
-    choices = GlobalHydra.instance().config_loader().get_group_options(group) if group in GROUPS else []
+    loader = GlobalHydra.instance().config_loader()
+    group, slash, option = name.partition("/")
+    if not slash:
+        owners = [owner for owner in GROUPS if name in loader.get_group_options(owner)]
+        group, option = (owners[0], name) if len(owners) == 1 else (name, "")
+    choices = loader.get_group_options(group) if group in GROUPS else []
     if option not in choices:
         known = (
             f"{group}/<option> with one of {', '.join(choices)}"

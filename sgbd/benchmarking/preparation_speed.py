@@ -6,6 +6,7 @@ import contextlib
 import multiprocessing
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -66,14 +67,14 @@ def _workers() -> list[psutil.Process]:
 
 
 def measure_preparation(
-    source: FrameSource, segmenter: Segmenter, workers: int, folder: Path, progress: bool = False
+    source: FrameSource, segmenter: Segmenter, counts: Sequence[int], folder: Path, progress: bool = False
 ) -> tuple[list[dict[str, Any]], Path]:
-    """Prepare frames in this process, then again with workers.
+    """Prepare the same frames by several numbers of workers, after a warm-up that does not count.
 
     Args:
         source: Frames on disk.
         segmenter: Gives the superpixels and the graph.
-        workers: Processes of the second preparation.
+        counts: Numbers of worker processes; 0 is this process.
         folder: An empty folder for the caches.
         progress: Whether to show progress bars.
 
@@ -82,7 +83,7 @@ def measure_preparation(
     """
     cache = prepare_frames(source, segmenter, 0, folder / "warm_up", progress)
     rows = []
-    for count in sorted({0, workers}):
+    for count in counts:
         cpu, start = time.process_time(), time.time()
         with WorkerMemory() as memory:
             cache = prepare_frames(source, segmenter, count, folder / f"workers_{count}", progress)
@@ -92,10 +93,11 @@ def measure_preparation(
         started = written[0] - start
         rows.append(
             {
+                "superpixels": type(segmenter.superpixels).__name__,
                 "workers": count,
                 "frames": len(source),
                 "seconds": wall,
-                # Workers import PyTorch first; in a long preparation that does not count.
+                # Workers import first; in a long preparation that does not count.
                 "seconds_to_first_graph": started,
                 "frames_per_second_then": len(source) / (wall - started),
                 "seconds_per_frame_and_core": (wall - started) * max(count, 1) / len(source),

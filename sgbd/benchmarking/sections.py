@@ -18,9 +18,9 @@ from sgbd.benchmarking.checkpoints import configured_checkpoint, segmenter
 from sgbd.benchmarking.dataset import write_dataset
 from sgbd.benchmarking.evaluation_speed import measure_evaluation
 from sgbd.benchmarking.extent import Extent
-from sgbd.benchmarking.frames import RawFrame
+from sgbd.benchmarking.frames import RawFrame, raw_frames
 from sgbd.benchmarking.fresh_process import in_fresh_process, save_frames
-from sgbd.benchmarking.methods import OURS, REFERENCE, SCIKIT_IMAGE, Method, make_method
+from sgbd.benchmarking.methods import OURS, REFERENCE, SCIKIT_IMAGE, Method, make_method, with_option
 from sgbd.benchmarking.preparation_speed import measure_preparation, prepare_frames
 from sgbd.benchmarking.reference import STAGES as REFERENCE_STAGES
 from sgbd.benchmarking.reference import Reference
@@ -29,8 +29,19 @@ from sgbd.benchmarking.stages import measure_stages, stage_rows
 from sgbd.benchmarking.timing import Ratio, Stopwatch, take_turns
 from sgbd.benchmarking.training_speed import measure_training
 from sgbd.configuration import ConfigurationError
+from sgbd.segmentation import Segmentation
+from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameSource
 from sgbd.untrained import trusted_packages
+
+SCIKIT_IMAGE_SUPERPIXELS = "superpixels/slic_reference"
+
+WIDTHS = (320, 480, 640, 960, 1280)
+"""Of the frames on the curve of cost against pixels; they are as high as the given frames are in proportion."""
+NUMBERS = (32, 64, 128, 256, 512, 1024)
+"""Superpixels asked for on the curve of cost against n."""
+SHARES = (1, 2, 4, 8)
+"""Eighths of the frames on the curve of preparation."""
 
 
 @dataclass
@@ -158,12 +169,48 @@ class Benchmark:
         self.report.add("first_call", f"A fresh process, {self.size}, n={self.numbers[0]}", rows)
 
     def prepare(self) -> None:
-        """Time the preparation of image files."""
-        source = self._files()
-        chosen = segmenter(configured_checkpoint(self.config, self.numbers[0]), self.config)
-        rows, cache = measure_preparation(source, chosen, self._workers(), self._folder("caches"), self.config.progress)
+        """Time the preparation of image files, with our superpixels and with scikit-image's."""
+        n, progress = self.numbers[0], self.config.progress
+        source = self._files(self.extent.prepare_frames)
+        chosen = segmenter(configured_checkpoint(self.config, n), self.config)
+        counts = sorted({0, self._workers()})
+        rows, cache = measure_preparation(source, chosen, counts, self._folder("caches"), progress)
         self._cache = source, cache
+        # A few frames tell enough, and take as long as all of ours.
+        few = self._files(max(1, self.extent.prepare_frames // 8))
+        other = with_option(self.config, SCIKIT_IMAGE_SUPERPIXELS)
+        chosen = segmenter(configured_checkpoint(other, n), other)
+        rows += measure_preparation(few, chosen, [0], self._folder("caches"), progress)[0]
         self.report.add("prepare", f"PNG files to cached graphs, {self.size}, n={self.numbers[0]}", rows)
+
+    def curve(self) -> None:
+        """Time whole frames of growing size and with growing n, and the preparation of ever more frames."""
+        n = self.numbers[0]
+        height, width = self.frames[0].depth.shape
+        rows = []
+        for wide in WIDTHS:
+            size = (wide, max(1, round(wide * height / width)))
+            frames = raw_frames(self.config.frames, size, self.config.frame_count, self.config.seed)
+            rows.append({"width": size[0], "height": size[1], **self._whole_frames(frames, n)})
+        self.report.add("curve_size", f"A whole frame by its size, n={n}", rows)
+        rows = [{"n": number, **self._whole_frames(self.frames, number)} for number in NUMBERS]
+        self.report.add("curve_n", f"A whole frame by n, {self.size}", rows)
+        chosen = segmenter(configured_checkpoint(self.config, n), self.config)
+        rows = []
+        for share in SHARES:
+            source = self._files(max(1, share * self.extent.prepare_frames // max(SHARES)))
+            found, _ = measure_preparation(source, chosen, [0], self._folder("caches"), self.config.progress)
+            rows += [{key: row[key] for key in ("frames", "seconds", "cpu_seconds_per_frame")} for row in found]
+        self.report.add("curve_frames", f"Preparation of ever more frames, {self.size}, n={n}, one process", rows)
+
+    def _whole_frames(self, frames: Sequence[RawFrame], n: int) -> dict[str, float]:
+        chosen = segmenter(configured_checkpoint(self.config, n), self.config)
+        watched = take_turns(
+            {OURS: lambda number: _segment(chosen, frames[number % len(frames)])},
+            self._bar(self.extent.repeats, f"curve, n={n}"),
+            2,
+        )
+        return watched.timings()[OURS].row()
 
     def train(self) -> None:
         """Time training on cached graphs."""
@@ -223,13 +270,13 @@ class Benchmark:
         }
         return in_fresh_process(job, environment)
 
-    def _files(self) -> FrameSource:
-        return write_dataset(self.frames, self.extent.prepare_frames, self._folder("files"))
+    def _files(self, count: int) -> FrameSource:
+        return write_dataset(self.frames, count, self._folder("files"))
 
     def _graphs(self) -> tuple[FrameSource, Path]:
         """Return cached graphs: those of the section `prepare`, or made for the purpose."""
         if self._cache is None:
-            source = self._files()
+            source = self._files(self.extent.prepare_frames)
             chosen = segmenter(configured_checkpoint(self.config, self.numbers[0]), self.config)
             self._cache = source, prepare_frames(source, chosen, 0, self._folder("caches"), self.config.progress)
         return self._cache
@@ -251,12 +298,17 @@ class Benchmark:
         return Path(self._open.enter_context(tempfile.TemporaryDirectory(prefix=f"sgbd_benchmark_{name}_")))
 
 
+def _segment(segmenter: Segmenter, raw: RawFrame) -> Segmentation:
+    return segmenter.segment(raw.rgb, raw.depth, raw.intrinsics)
+
+
 SECTIONS: Mapping[str, Callable[[Benchmark], None]] = {
     "frame": Benchmark.frame,
     "reference": Benchmark.reference,
     "memory": Benchmark.memory,
     "first_call": Benchmark.first_call,
     "prepare": Benchmark.prepare,
+    "curve": Benchmark.curve,
     "train": Benchmark.train,
     "evaluate": Benchmark.evaluate,
 }

@@ -10,7 +10,7 @@ from sgbd.benchmarking.frames import RawFrame
 from sgbd.benchmarking.timing import Stopwatch
 from sgbd.features import Geometry, edge_features, node_features
 from sgbd.frame import Frame
-from sgbd.regions import border_sums, region_sums
+from sgbd.regions import region_and_border_sums
 from sgbd.segmentation import Segmentation, classify, paint, partition_graph
 from sgbd.segmenter import Segmenter, node_map
 
@@ -24,7 +24,7 @@ AFTER_SUPERPIXELS = "after superpixels"
 """The stages behind the superpixels together."""
 
 SUPERPIXEL_PARTS = ("colours alone", "depth alone")
-GRAPH_PARTS = ("sums over regions", "sums over borders", "geometry", "node features", "edge features")
+GRAPH_PARTS = ("sums over pixels", "geometry", "node features", "edge features")
 
 
 def segment_in_stages(segmenter: Segmenter, raw: RawFrame, stopwatch: Stopwatch) -> Segmentation:
@@ -43,7 +43,7 @@ def segment_in_stages(segmenter: Segmenter, raw: RawFrame, stopwatch: Stopwatch)
     with stopwatch.step("superpixels"):
         label_map = segmenter.superpixels(frame)
     with stopwatch.step("graph"):
-        data = segmenter.build_graph(frame, label_map)
+        data = segmenter.graph_tensors(frame, label_map)
     with stopwatch.step("model"):
         classification = classify(segmenter.model, segmenter.objectness, data)
     with stopwatch.step("partition"):
@@ -76,14 +76,12 @@ def measure_stages(segmenter: Segmenter, frames: list[RawFrame], repeats: Iterab
             with stopwatch.step(f"- {name}"):
                 single(frame)
         with stopwatch.step(f"- {GRAPH_PARTS[0]}"):
-            regions = region_sums(frame, superpixels)
+            regions, borders = region_and_border_sums(frame, superpixels)
         with stopwatch.step(f"- {GRAPH_PARTS[1]}"):
-            borders = border_sums(frame, superpixels)
-        with stopwatch.step(f"- {GRAPH_PARTS[2]}"):
             geometry = Geometry(regions, borders, frame.camera)
-        with stopwatch.step(f"- {GRAPH_PARTS[3]}"):
+        with stopwatch.step(f"- {GRAPH_PARTS[2]}"):
             node_features(frame, regions, geometry)
-        with stopwatch.step(f"- {GRAPH_PARTS[4]}"):
+        with stopwatch.step(f"- {GRAPH_PARTS[3]}"):
             edge_features(borders.pairs, borders, regions, geometry)
 
     # Twice: the first compiles, the second fills the allocators' pools.

@@ -1,6 +1,6 @@
 """Scores of segmentations, over-segmentations and edge decisions, from NumPy arrays."""
 
-from sgbd.metrics.boundary import BoundaryScores, ContourMatch, boundary_scores, contours, match_contours
+from sgbd.metrics.boundary import BoundaryScores, ContourMap, ContourMatch, boundary_scores, contours, match_contours
 from sgbd.metrics.categories import (
     CategoryScores,
     PairScores,
@@ -29,6 +29,7 @@ __all__ = [
     "CategoryScores",
     "ClusteringScores",
     "ContingencyTable",
+    "ContourMap",
     "ContourMatch",
     "EdgeScores",
     "FrameScores",

@@ -68,62 +68,107 @@ class ContourMatch:
     true_matched: NDArray[np.int64]
 
 
+@dataclass(frozen=True, eq=False)
+class ContourMap:
+    """Contours of some labels of one label map, found once for however many comparisons.
+
+    Attributes:
+        labels: int64 [K], the labels that have a contour here.
+        index: int32 [H, W], k on the contour of ``labels[k]``, -1 elsewhere. Masks don't overlap, so neither do
+            contours.
+        pixels: int64 [L], the contours' pixels as positions in the flat image, ascending.
+    """
+
+    labels: NDArray[np.int64]
+    index: NDArray[np.int32]
+    pixels: NDArray[np.int64]
+
+
 def matching_radius(height: int, width: int) -> int:
     """Radius of the matching disk, in pixels."""
     return math.ceil(RADIUS_SHARE * math.hypot(height, width))
 
 
-def contours(label_map: ArrayLike, labels: ArrayLike) -> NDArray[np.int32]:
-    """Contours of the masks of some labels.
+def contours(label_map: ArrayLike, labels: ArrayLike, truth: ArrayLike | None = None) -> ContourMap:
+    """Find the contours of the masks of some labels.
 
     Args:
         label_map: integers [H, W].
         labels: the distinct labels [K] that have a contour.
-
-    Returns:
-        int32 [H, W]: k on the contour of ``labels[k]``, -1 elsewhere. Masks don't overlap, so neither do contours.
-    """
-    label_map = as_label_map(label_map, "the label map", lowest=IGNORE)
-    labels = np.asarray(labels, dtype=np.int64)
-    return _contours(label_index(label_map, labels), len(labels))
-
-
-def match_contours(prediction: ArrayLike, truth: ArrayLike, matching: Matching) -> ContourMatch:
-    """Match the contours of matched objects.
-
-    Args:
-        prediction: integers [H, W], predicted segment of each pixel.
-        truth: integers [H, W], true instance of each pixel, -1 = ignore.
-        matching: the objects and their matches.
+        truth: integers [H, W], whose ignored pixels (-1) belong to no mask.
 
     Raises:
         ValueError: if the maps aren't integer label maps of one shape.
     """
-    prediction = as_label_map(prediction, "the prediction")
-    truth = as_label_map(truth, "the truth", lowest=IGNORE)
-    if prediction.shape != truth.shape:
-        raise ValueError(
-            f"prediction and truth must have one shape, got {list(prediction.shape)} and {list(truth.shape)}"
-        )
-    predicted_objects, true_objects = matching.predicted_objects, matching.true_objects
-    predicted_mask = label_index(prediction, predicted_objects)
-    predicted_mask[truth == IGNORE] = -1
-    predicted_contour = _contours(predicted_mask, len(predicted_objects))
-    true_contour = _contours(label_index(truth, true_objects), len(true_objects))
+    label_map = as_label_map(label_map, "the label map", lowest=IGNORE)
+    labels = np.asarray(labels, dtype=np.int64)
+    mask = label_index(label_map, labels)
+    if truth is not None:
+        truth = as_label_map(truth, "the truth", lowest=IGNORE)
+        if truth.shape != label_map.shape:
+            raise ValueError(
+                f"prediction and truth must have one shape, got {list(label_map.shape)} and {list(truth.shape)}"
+            )
+        mask[truth == IGNORE] = -1
+    index = _contours(mask, len(labels))
+    return ContourMap(labels, index, np.flatnonzero(index >= 0))
 
-    partner_of_predicted = np.full(len(predicted_objects), -1, dtype=np.int32)
-    partner_of_true = np.full(len(true_objects), -1, dtype=np.int32)
-    p, q = label_index(matching.segment, predicted_objects), label_index(matching.instance, true_objects)
+
+def match_contours(
+    prediction: ArrayLike | ContourMap, truth: ArrayLike | ContourMap, matching: Matching
+) -> ContourMatch:
+    """Match the contours of matched objects.
+
+    Args:
+        prediction: integers [H, W], predicted segment of each pixel; or the contours of the predicted objects, and
+            of any others, with the ignored pixels of the truth cleared.
+        truth: integers [H, W], true instance of each pixel, -1 = ignore; or the contours of the true objects.
+        matching: the objects and their matches.
+
+    Raises:
+        ValueError: if the maps aren't integer label maps of one shape, or an object has no contour among those given.
+    """
+    if not isinstance(prediction, ContourMap):
+        prediction = as_label_map(prediction, "the prediction")
+        ignored = None if isinstance(truth, ContourMap) else truth
+        prediction = contours(prediction, matching.predicted_objects, ignored)
+    if not isinstance(truth, ContourMap):
+        truth = contours(truth, matching.true_objects)
+    if prediction.index.shape != truth.index.shape:
+        raise ValueError(
+            f"prediction and truth must have one shape, got {list(prediction.index.shape)} and "
+            f"{list(truth.index.shape)}"
+        )
+    predicted_place = _places(matching.predicted_objects, prediction, "the prediction")
+    true_place = _places(matching.true_objects, truth, "the truth")
+    partner_of_predicted = np.full(len(prediction.labels), -1, dtype=np.int32)
+    partner_of_true = np.full(len(truth.labels), -1, dtype=np.int32)
+    p, q = label_index(matching.segment, prediction.labels), label_index(matching.instance, truth.labels)
     partner_of_predicted[p] = q
     partner_of_true[q] = p
+    disk = _disk(matching_radius(*prediction.index.shape))
+    predicted_length, predicted_matched = _count_matched(
+        prediction.pixels, prediction.index, truth.index, partner_of_predicted, disk
+    )
+    true_length, true_matched = _count_matched(truth.pixels, truth.index, prediction.index, partner_of_true, disk)
+    return ContourMatch(
+        predicted_length[predicted_place],
+        predicted_matched[predicted_place],
+        true_length[true_place],
+        true_matched[true_place],
+    )
 
-    disk = _disk(matching_radius(*prediction.shape))
-    predicted_length, predicted_matched = _count_matched(predicted_contour, true_contour, partner_of_predicted, disk)
-    true_length, true_matched = _count_matched(true_contour, predicted_contour, partner_of_true, disk)
-    return ContourMatch(predicted_length, predicted_matched, true_length, true_matched)
+
+def _places(objects: NDArray[np.int64], found: ContourMap, name: str) -> NDArray[np.int32]:
+    places = label_index(objects, found.labels)
+    if (places < 0).any():
+        raise ValueError(f"the contours of {name} lack the objects {objects[places < 0].tolist()}: find theirs too")
+    return places
 
 
-def boundary_scores(prediction: ArrayLike, truth: ArrayLike, matching: Matching) -> BoundaryScores:
+def boundary_scores(
+    prediction: ArrayLike | ContourMap, truth: ArrayLike | ContourMap, matching: Matching
+) -> BoundaryScores:
     """Boundary precision, recall and F-measure of one frame; arguments as of `match_contours`."""
     match = match_contours(prediction, truth, matching)
     return BoundaryScores(
@@ -195,23 +240,25 @@ def _contours(mask: NDArray[np.int32], count: int) -> NDArray[np.int32]:
 
 @compiled
 def _count_matched(
-    contour: NDArray[np.int32], other: NDArray[np.int32], partner: NDArray[np.int32], disk: NDArray[np.int64]
+    pixels: NDArray[np.int64],
+    contour: NDArray[np.int32],
+    other: NDArray[np.int32],
+    partner: NDArray[np.int32],
+    disk: NDArray[np.int64],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Length of each contour, and how many of its pixels have its partner's contour in `other` within the disk."""
     height, width = contour.shape
     length = np.zeros(len(partner), dtype=np.int64)
     matched = np.zeros(len(partner), dtype=np.int64)
-    for y in range(height):
-        for x in range(width):
-            k = contour[y, x]
-            if k < 0:
-                continue
-            length[k] += 1
-            if partner[k] < 0:
-                continue
-            for d in range(len(disk)):
-                v, u = y + disk[d, 0], x + disk[d, 1]
-                if 0 <= v < height and 0 <= u < width and other[v, u] == partner[k]:
-                    matched[k] += 1
-                    break
+    for pixel in pixels:
+        y, x = pixel // width, pixel % width
+        k = contour[y, x]
+        length[k] += 1
+        if partner[k] < 0:
+            continue
+        for d in range(len(disk)):
+            v, u = y + disk[d, 0], x + disk[d, 1]
+            if 0 <= v < height and 0 <= u < width and other[v, u] == partner[k]:
+                matched[k] += 1
+                break
     return length, matched

@@ -25,7 +25,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from sgbd.metrics.boundary import match_contours
+from sgbd.metrics.boundary import ContourMap, match_contours
 from sgbd.metrics.contingency import ContingencyTable
 from sgbd.metrics.f_measure import f_measure, precision_recall_f
 from sgbd.metrics.label_index import label_index
@@ -75,8 +75,8 @@ class CategoryScores:
 def category_scores(
     table: ContingencyTable,
     category: Mapping[int, Hashable],
-    prediction: ArrayLike | None = None,
-    truth: ArrayLike | None = None,
+    prediction: ArrayLike | ContourMap | None = None,
+    truth: ArrayLike | ContourMap | None = None,
     unmatched: Literal["skip", "zero"] = "skip",
 ) -> CategoryScores:
     """Scores of one frame per category.

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from sgbd.metrics.boundary import BoundaryScores, boundary_scores
+from sgbd.metrics.boundary import BoundaryScores, ContourMap, boundary_scores
 from sgbd.metrics.clustering import ClusteringScores, clustering_scores
 from sgbd.metrics.contingency import ContingencyTable
 from sgbd.metrics.edges import EdgeScores
@@ -62,10 +62,10 @@ def score_frame(
     table: ContingencyTable,
     objects: ArrayLike | None = None,
     *,
-    prediction: ArrayLike | None = None,
-    truth: ArrayLike | None = None,
+    prediction: ArrayLike | ContourMap | None = None,
+    truth: ArrayLike | ContourMap | None = None,
     oracle: ContingencyTable | None = None,
-    oracle_prediction: ArrayLike | None = None,
+    oracle_prediction: ArrayLike | ContourMap | None = None,
     edges: EdgeScores | None = None,
     name: str = "",
 ) -> FrameScores:

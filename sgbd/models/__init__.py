@@ -1,11 +1,15 @@
 """Networks on superpixel graphs: which neighbours to merge, and what is an object."""
 
-from sgbd.models.attention import EdgeTransformer
+from typing import TYPE_CHECKING, Any
+
 from sgbd.models.edge_classifier import EdgeClassifier
 from sgbd.models.gated_gcn import GatedGCN
 from sgbd.models.mlp import SharedMLP
 from sgbd.models.objectness import ObjectnessHead, object_targets
 from sgbd.models.symmetric_gcn import SymmetricGCN
+
+if TYPE_CHECKING:
+    from sgbd.models.attention import EdgeTransformer
 
 __all__ = [
     "EdgeClassifier",
@@ -16,3 +20,12 @@ __all__ = [
     "SymmetricGCN",
     "object_targets",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    # Its layers are PyG's, for which the others need not wait.
+    if name == "EdgeTransformer":
+        from sgbd.models.attention import EdgeTransformer
+
+        return EdgeTransformer
+    raise AttributeError(f"module 'sgbd.models' has no attribute {name!r}")

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import torch
 from torch import Tensor, nn
-from torch_geometric.nn import MLP, TransformerConv
+from torch_geometric.nn import TransformerConv
 
 from sgbd.models.edge_classifier import EdgeClassifier
 from sgbd.models.input_encoder import InputEncoder
+from sgbd.models.perceptron import Perceptron
 
 
 class EdgeTransformer(EdgeClassifier):
@@ -58,7 +59,7 @@ class EdgeTransformer(EdgeClassifier):
             )
             for _ in range(num_layers)
         )
-        self.readout = MLP([3 * hidden_channels, hidden_channels, 1], norm=None)
+        self.readout = Perceptron([3 * hidden_channels, hidden_channels, 1], norm=False)
 
     @property
     def state_channels(self) -> tuple[int, int]:
@@ -77,3 +78,7 @@ class EdgeTransformer(EdgeClassifier):
         """Score directed pairs; see `EdgeClassifier.score`."""
         logits: Tensor = self.readout(torch.cat([source, target, edge], dim=1))
         return logits.squeeze(1)
+
+    def score_pairs(self, nodes: Tensor, edges: Tensor, pairs: Tensor) -> Tensor:
+        """Score directed pairs in evaluation; see `EdgeClassifier.score_pairs`."""
+        return self.readout.evaluate_pairs(nodes, edges, pairs).squeeze(1)

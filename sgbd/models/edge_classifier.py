@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor, nn
-from torch_geometric.data import Data
 
 from sgbd.graph import edge_positions
 from sgbd.models.standardize import Standardize
+
+if TYPE_CHECKING:
+    from torch_geometric.data import Data
 
 
 class EdgeClassifier(nn.Module, ABC):
@@ -79,6 +82,19 @@ class EdgeClassifier(nn.Module, ABC):
             float32 [P], merge logits.
         """
 
+    def score_pairs(self, nodes: Tensor, edges: Tensor, pairs: Tensor) -> Tensor:
+        """Score directed pairs in evaluation, where a model may have a shorter way to the same result.
+
+        Args:
+            nodes: float32 [N, H], states of all nodes.
+            edges: float32 [P, C], states of the directed edges of the pairs.
+            pairs: int64 [2, P].
+
+        Returns:
+            float32 [P], merge logits, as `score` gives them.
+        """
+        return self.score(nodes.index_select(0, pairs[0]), nodes.index_select(0, pairs[1]), edges)
+
     def forward(self, data: Data) -> Tensor:
         """Give the merge logit of every pair in `data.edge_label_index`.
 
@@ -99,21 +115,23 @@ class EdgeClassifier(nn.Module, ABC):
             self.standardize_nodes(data.x), data.edge_index, self.standardize_edges(data.edge_attr)
         )
         if self.training:
-            source, target, edge = self._states(nodes, edges, data.edge_index, pairs)
-            return self.score(source, target, edge)
+            states = self._edge_states(edges, data.edge_index, pairs, nodes.size(0))
+            return self.score(nodes.index_select(0, pairs[0]), nodes.index_select(0, pairs[1]), states)
         # One fixed order of the two ends makes the sum the same to the last bit whichever way a pair is given: matrix
         # products may round a row differently at another place in the matrix.
         forth = torch.stack([pairs.amin(0), pairs.amax(0)])
-        source, target, edge = self._states(nodes, edges, data.edge_index, torch.cat([forth, forth.flip(0)], dim=1))
-        logits = self.score(source, target, edge)
+        both = torch.cat([forth, forth.flip(0)], dim=1)
+        logits = self.score_pairs(nodes, self._edge_states(edges, data.edge_index, both, nodes.size(0)), both)
         count = pairs.size(1)
         return (logits[:count] + logits[count:]) / 2
 
-    def _states(self, nodes: Tensor, edges: Tensor, edge_index: Tensor, pairs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        source, target = nodes.index_select(0, pairs[0]), nodes.index_select(0, pairs[1])
+    @staticmethod
+    def _edge_states(edges: Tensor, edge_index: Tensor, pairs: Tensor, num_nodes: int) -> Tensor:
         if edges.size(1) == 0:
-            return source, target, edges.new_empty(pairs.size(1), 0)
-        return source, target, edges.index_select(0, edge_positions(edge_index, pairs, nodes.size(0)))
+            return edges.new_empty(pairs.size(1), 0)
+        if pairs.shape == edge_index.shape and torch.equal(pairs, edge_index):
+            return edges  # all pairs of a graph of `sgbd.graph.build_graph`, in its own order
+        return edges.index_select(0, edge_positions(edge_index, pairs, num_nodes))
 
     @staticmethod
     def _check_width(field: str, rows: Tensor | None, expected: int, group: str) -> None:

@@ -6,13 +6,9 @@ from collections.abc import Sequence
 
 import torch
 from torch import Tensor
-from torch.nn.functional import linear
-from torch_geometric.nn import MLP
 
 from sgbd.models.edge_classifier import EdgeClassifier
-
-EVALUATED_AT_ONCE = 512
-"""Pairs whose hidden states fit into the second-level cache of common processors."""
+from sgbd.models.perceptron import Perceptron
 
 
 class SharedMLP(EdgeClassifier):
@@ -55,43 +51,19 @@ class SharedMLP(EdgeClassifier):
         super().__init__(node_channels, edge_channels)
         if not hidden_channels:
             raise ValueError("SharedMLP needs at least one hidden layer, for example hidden_channels=[128, 256, 256]")
-        self.mlp = MLP(
+        self.mlp = Perceptron(
             [2 * node_channels + edge_channels, *hidden_channels, 1],
-            dropout=dropout,
-            norm="batch_norm",
-            # A batch of a single pair has no variance; then the running moments stand in.
-            norm_kwargs={"allow_single_element": True},
             plain_last=plain_last,
             bias=bias,
+            dropout=dropout,
         )
 
     def score(self, source: Tensor, target: Tensor, edge: Tensor) -> Tensor:
         """Score directed pairs; see `EdgeClassifier.score`."""
-        pairs = torch.cat([source, target, edge], dim=1)
-        logits: Tensor = self.mlp(pairs) if self.training else self._evaluated(pairs)
+        rows = torch.cat([source, target, edge], dim=1)
+        logits: Tensor = self.mlp(rows) if self.training else self.mlp.evaluate(rows)
         return logits.squeeze(1)
 
-    def _evaluated(self, pairs: Tensor) -> Tensor:
-        """Compute what the perceptron gives in evaluation, with less to do.
-
-        There batch norm is a fixed scale and shift of each column, and goes into the linear layer before it; and a
-        block of pairs at a time stays in the processor's cache through all layers.
-        """
-        layers = []
-        for place, layer in enumerate(self.mlp.lins):
-            weight = layer.weight
-            bias = weight.new_zeros(weight.size(0)) if layer.bias is None else layer.bias
-            plain = self.mlp.plain_last and place == len(self.mlp.lins) - 1
-            if not plain:
-                norm = self.mlp.norms[place].module
-                scale = norm.weight * torch.rsqrt(norm.running_var + norm.eps)
-                weight, bias = weight * scale[:, None], (bias - norm.running_mean) * scale + norm.bias
-            layers.append((weight, bias, plain))
-        scored = []
-        for block in pairs.split(EVALUATED_AT_ONCE):
-            for weight, bias, plain in layers:
-                block = linear(block, weight, bias)
-                if not plain:
-                    block = block.relu()
-            scored.append(block)
-        return torch.cat(scored)
+    def score_pairs(self, nodes: Tensor, edges: Tensor, pairs: Tensor) -> Tensor:
+        """Score directed pairs in evaluation; see `EdgeClassifier.score_pairs`."""
+        return self.mlp.evaluate_pairs(nodes, edges, pairs).squeeze(1)

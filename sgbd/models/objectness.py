@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor, nn
-from torch_geometric.data import Data
-from torch_geometric.nn import MLP
-from torch_geometric.utils import scatter
 
 from sgbd.frame import SUPPORT
+from sgbd.models.neighbourhood import mean_by
+from sgbd.models.perceptron import Perceptron
 from sgbd.models.standardize import Standardize
+
+if TYPE_CHECKING:
+    from torch_geometric.data import Data
 
 
 class ObjectnessHead(nn.Module):
@@ -40,12 +43,7 @@ class ObjectnessHead(nn.Module):
             )
         self.node_channels = node_channels
         self.standardize_nodes = Standardize(node_channels)
-        self.mlp = MLP(
-            [3 * node_channels, *hidden_channels, 1],
-            dropout=dropout,
-            norm="batch_norm",
-            norm_kwargs={"allow_single_element": True},
-        )
+        self.mlp = Perceptron([3 * node_channels, *hidden_channels, 1], dropout=dropout)
 
     def forward(self, data: Data) -> Tensor:
         """Give the object logit of every superpixel.
@@ -67,9 +65,12 @@ class ObjectnessHead(nn.Module):
             )
         x = self.standardize_nodes(data.x)
         neighbour, centre = data.edge_index
-        around = scatter(x[neighbour], centre, dim_size=x.size(0), reduce="mean")
+        around = mean_by(centre, x.index_select(0, neighbour), x.size(0))
         graph = getattr(data, "batch", None)
-        whole = x.mean(0, keepdim=True).expand_as(x) if graph is None else scatter(x, graph, reduce="mean")[graph]
+        if graph is None:
+            whole = x.mean(0, keepdim=True).expand_as(x)
+        else:
+            whole = mean_by(graph, x, int(data.num_graphs)).index_select(0, graph)
         logits: Tensor = self.mlp(torch.cat([x, around, whole], dim=1))
         return logits.squeeze(1)
 

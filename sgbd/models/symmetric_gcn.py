@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import torch
 from torch import Tensor, nn
-from torch_geometric.data import Data
+from torch.nn.functional import linear
 
 from sgbd.graph import edge_positions
 from sgbd.models.edge_classifier import EdgeClassifier
+from sgbd.models.gated_pass import symmetric_pass
+from sgbd.models.in_evaluation import can_be_compiled, scale_and_shift
 from sgbd.models.input_encoder import InputEncoder
+
+if TYPE_CHECKING:
+    from torch_geometric.data import Data
 
 
 class SymmetricConvolution(nn.Module):
@@ -64,6 +71,19 @@ class SymmetricConvolution(nn.Module):
         edges = edges + self.dropout(torch.relu(self.edge_norm(gate_logits)))
         return nodes, edges
 
+    def update_in_place(self, nodes: Tensor, edges: Tensor, pairs: Tensor) -> None:
+        """Update the states once, as `forward` does in evaluation; see `sgbd.models.gated_pass.symmetric_pass`."""
+        terms = [
+            linear(nodes, self.node_linear.weight, self.node_linear.bias),
+            linear(edges, self.edge_linear.weight),
+            nodes,
+            edges,
+            pairs,
+            *scale_and_shift(self.node_norm),
+            *scale_and_shift(self.edge_norm),
+        ]
+        symmetric_pass(*(tensor.detach().numpy() for tensor in terms))
+
 
 class SymmetricGCN(EdgeClassifier):
     """Gated graph convolutions on undirected edges; the logit is the same whichever end of a pair comes first.
@@ -115,8 +135,19 @@ class SymmetricGCN(EdgeClassifier):
         self._check_width("edge_attr", data.edge_attr, self.edge_channels, "edge")
         pairs, attributes = undirected(data.edge_index, self.standardize_edges(data.edge_attr), data.x.size(0))
         nodes, edges = self.node_encoder(self.standardize_nodes(data.x)), self.edge_encoder(attributes)
-        for layer in self.layers:
-            nodes, edges = layer(nodes, edges, pairs)
+        if can_be_compiled(self, data.x):
+            # What an encoder without columns gives is a view of a parameter, which must not change.
+            nodes, edges = (
+                states.clone(memory_format=torch.contiguous_format) if encoder.linear is None else states
+                for states, encoder in ((nodes, self.node_encoder), (edges, self.edge_encoder))
+            )
+            pairs = pairs.contiguous()
+            for layer in self.layers:
+                assert isinstance(layer, SymmetricConvolution)
+                layer.update_in_place(nodes, edges, pairs)
+        else:
+            for layer in self.layers:
+                nodes, edges = layer(nodes, edges, pairs)
         asked = data.edge_label_index
         if asked.shape != pairs.shape or not torch.equal(asked, pairs):
             ordered = torch.stack([asked.amin(0), asked.amax(0)])

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from sgbd.partition.partitioner import (
     check_graph,
@@ -45,6 +43,10 @@ class ConnectedComponents:
         if num_nodes == 0:
             return np.empty(0, dtype=np.int64)
         merge = joint_probability(ends, merge, objectness, self.objectness_weight)
+        # Here, for a multicut not to wait for what it does not use.
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
         kept = ends[:, merge > self.threshold]
         graph = coo_array((np.ones(kept.shape[1], dtype=np.int8), (kept[0], kept[1])), shape=(num_nodes, num_nodes))
         _, group = connected_components(graph, directed=False)

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from skimage.measure import label
 
 from sgbd.adjacency import LabelMap, border_lengths
 
@@ -33,6 +30,8 @@ def connected_regions(labels: npt.NDArray[np.integer]) -> LabelMap:
     Returns:
         int32 [H, W], ids 0..N-1 in raster order of each region's first pixel.
     """
+    from skimage.measure import label  # here, for nobody else to wait for it
+
     return (label(labels, background=-1, connectivity=1) - 1).astype(np.int32)
 
 
@@ -49,6 +48,9 @@ def merge_fragments(label_map: LabelMap, min_size: int) -> LabelMap:
     Returns:
         int32 [H, W] of the same form.
     """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     while True:
         sizes = np.bincount(label_map.ravel())
         small = sizes < min_size

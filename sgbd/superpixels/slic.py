@@ -7,7 +7,6 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import numpy.typing as npt
-from skimage.segmentation import slic
 
 from sgbd.adjacency import LabelMap
 from sgbd.frame import Frame
@@ -96,6 +95,8 @@ class Slic:
         return merge_fragments(connected_regions(labels), self.min_size)
 
     def _rgb_labels(self, rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.integer]:
+        from skimage.segmentation import slic  # here, for nobody else to wait for it
+
         return slic(
             stretch(rgb.astype(np.float32)),
             n_segments=self.n_segments,
@@ -106,6 +107,8 @@ class Slic:
         )
 
     def _depth_labels(self, depth: npt.NDArray[np.float32]) -> npt.NDArray[np.integer]:
+        from skimage.segmentation import slic  # here, for nobody else to wait for it
+
         return slic(
             scaled_depth(depth),
             n_segments=self.n_segments,

@@ -21,7 +21,7 @@ from sgbd.frame import Frame
 from sgbd.graph import build_graph
 from sgbd.metrics import ContingencyTable, objects_by_majority, score_frame
 from sgbd.partition import ConnectedComponents
-from sgbd.regions import border_sums, region_sums
+from sgbd.regions import region_and_border_sums
 from sgbd.superpixels import Slic
 from tests.label_maps import label_maps
 
@@ -47,7 +47,7 @@ def test_its_features_are_the_papers():
     rgb = np.stack([8 * columns, 10 * rows, rows + columns], axis=2).astype(np.uint8)
     frame = Frame(rgb, (1 + 0.01 * columns + 0.02 * rows).astype(np.float32))
     label_map = (rows // 8 * 4 + columns // 8).astype(np.int32)
-    regions, borders = region_sums(frame, label_map), border_sums(frame, label_map)
+    regions, borders = region_and_border_sums(frame, label_map)
     ours = node_features(frame, regions, Geometry(regions, borders, frame.camera))
     theirs = patch_features(frame, masks_of(label_map))
     columns_of = node_columns(["rgb", "position", "depth"])

@@ -39,18 +39,18 @@ def test_a_square_with_a_hole_and_an_island():
     expected = np.full((9, 9), -1)
     expected[1:8, 1:8] = 0
     expected[2:7, 2:7] = -1
-    assert (contours(labels, [2]) == expected).all()
+    assert (contours(labels, [2]).index == expected).all()
 
 
 def test_a_mask_that_touches_the_image_edge_follows_it():
-    assert (contours(np.full((3, 4), 5), [5]) == [[0, 0, 0, 0], [0, -1, -1, 0], [0, 0, 0, 0]]).all()
-    assert contours(np.array([[5]]), [5]).tolist() == [[0]]
+    assert (contours(np.full((3, 4), 5), [5]).index == [[0, 0, 0, 0], [0, -1, -1, 0], [0, 0, 0, 0]]).all()
+    assert contours(np.array([[5]]), [5]).index.tolist() == [[0]]
 
 
 def test_the_outside_flows_between_four_neighbours_only():
     # The corner is open diagonally: that is no way in.
     labels = np.array([[0, 2, 2, 2], [2, 0, 2, 2], [2, 2, 2, 2], [2, 2, 2, 2]])
-    got = contours(labels, [2])
+    got = contours(labels, [2]).index
     assert got[2, 2] == -1
     assert got[1, 2] == got[2, 1] == -1
 
@@ -61,7 +61,7 @@ def test_contours_are_those_of_each_mask(labels: np.ndarray):
     expected = np.full(labels.shape, -1)
     for k, label in enumerate([2, 0, 3, 9]):
         expected[contour_of_mask(labels == label)] = k
-    assert (contours(labels, [2, 0, 3, 9]) == expected).all()
+    assert (contours(labels, [2, 0, 3, 9]).index == expected).all()
 
 
 @given(st.integers(0, 999), st.integers(0, 999), st.integers(4, 40), st.integers(4, 40), st.booleans())
@@ -125,3 +125,17 @@ def test_maps_of_different_shape():
     matching = match_objects(ContingencyTable.from_label_maps(labels, labels))
     with pytest.raises(ValueError, match="one shape"):
         boundary_scores(labels, np.zeros((2, 3), dtype=int), matching)
+
+
+@given(st.integers(0, 999), st.integers(0, 999), st.booleans())
+@settings(max_examples=30, deadline=None)
+def test_contours_found_beforehand_match_like_the_maps(seed: int, other: int, ignoring: bool):
+    truth, prediction = blobs(seed, (20, 30), -1 if ignoring else 0), blobs(other, (20, 30), 0)
+    matching = match_objects(ContingencyTable.from_label_maps(prediction, truth))
+    found = contours(prediction, [4, 3, 2, 1, 0], truth), contours(truth, [0, 4, 2, 3, 1])
+    expected, match = match_contours(prediction, truth, matching), match_contours(*found, matching)
+    for name in ("predicted_length", "predicted_matched", "true_length", "true_matched"):
+        assert getattr(match, name).tolist() == getattr(expected, name).tolist()
+    if len(matching.true_objects):
+        with pytest.raises(ValueError, match="the contours of the truth lack the objects"):
+            match_contours(found[0], contours(truth, []), matching)

@@ -47,8 +47,8 @@ def test_default_logits_have_either_sign() -> None:
 )
 def test_widths(name: str, hidden: tuple[int, ...]) -> None:
     model = shipped(name, 15, 4)
-    assert [layer.in_channels for layer in model.mlp.lins] == [34, *hidden]
-    assert [layer.out_channels for layer in model.mlp.lins] == [*hidden, 1]
+    assert [layer.in_features for layer in model.mlp.lins] == [34, *hidden]
+    assert [layer.out_features for layer in model.mlp.lins] == [*hidden, 1]
 
 
 @pytest.mark.parametrize("name", ["mlp", "mlp_reference", "mlp_paper_text"])

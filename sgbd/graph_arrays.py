@@ -1,0 +1,115 @@
+"""The superpixel graph of a frame as NumPy arrays: all of `sgbd.graph.build_graph` that needs neither PyTorch nor PyG.
+
+Workers of the preparation, and a robot that segments, build graphs by the thousand and would otherwise wait for, and
+hold in memory, libraries of which they use the container alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from sgbd.adjacency import Adjacency, LabelMap, Pairs, border_pairs
+from sgbd.features import Geometry, edge_features, node_features, sums_of_pairs
+from sgbd.frame import IGNORE, Frame
+from sgbd.label_map import pack
+from sgbd.majority import majority_instance
+from sgbd.regions import PAIRS, region_and_border_sums
+
+MERGE, CUT, UNKNOWN = 1.0, 0.0, -1.0
+"""Values of `edge_label`."""
+
+GraphArrays = dict[str, npt.NDArray[Any] | str]
+"""Fields of a graph by name, in the order and form that `sgbd.graph.build_graph` describes."""
+
+
+def graph_arrays(
+    frame: Frame,
+    label_map: LabelMap,
+    adjacency: Adjacency = border_pairs,
+    category_names: Sequence[str] = (),
+    *,
+    store_maps: bool = True,
+) -> GraphArrays:
+    """Build the superpixel graph of a frame; arguments, fields and errors as of `sgbd.graph.build_graph`."""
+    if label_map.shape != frame.depth.shape:
+        raise ValueError(
+            f"the label map has shape {label_map.shape}, the frame {frame.depth.shape}: over-segment this very frame"
+        )
+    regions, borders = region_and_border_sums(frame, label_map)
+    if not (regions.pixels > 0).all():
+        raise ValueError("the label map skips ids: number its superpixels 0..N-1 (sgbd.superpixels.connect.renumber)")
+    geometry = Geometry(regions, borders, frame.camera)
+    pairs = borders.pairs if adjacency is border_pairs else adjacency(label_map)
+    forward, backward = edge_features(pairs, borders, regions, geometry)
+    graph: GraphArrays = {
+        "x": node_features(frame, regions, geometry),
+        "edge_index": np.concatenate([pairs, pairs[::-1]], axis=1),
+        "edge_attr": np.concatenate([forward, backward]),
+        "edge_label_index": np.ascontiguousarray(pairs),
+        "border_length": sums_of_pairs(pairs, borders)[:, PAIRS].astype(np.float32),
+        "area": regions.pixels.astype(np.int64),
+        "image_size": np.array([[frame.height, frame.width]]),
+        "name": frame.name,
+    }
+    if store_maps:
+        graph["label_map"] = pack(label_map)
+    if frame.instances is not None:
+        graph |= _truth(frame, frame.instances, label_map, pairs, len(regions.pixels), category_names)
+        if store_maps:
+            graph["truth_map"] = pack(frame.instances)
+    return graph
+
+
+def _truth(
+    frame: Frame,
+    instances: npt.NDArray[np.int32],
+    label_map: LabelMap,
+    pairs: Pairs,
+    nodes: int,
+    category_names: Sequence[str],
+) -> GraphArrays:
+    superpixel, instance, count = overlap_table(label_map, instances)
+    majority = majority_instance(superpixel, instance, count, nodes)
+    known = (majority[pairs[0]] != IGNORE) & (majority[pairs[1]] != IGNORE)
+    same = np.where(majority[pairs[0]] == majority[pairs[1]], MERGE, CUT)
+    ids = np.unique(instance)
+    position = {name: place for place, name in enumerate(category_names, start=1)}
+    names = [frame.categories.get(int(key)) for key in ids]
+    unknown = sorted({name for name in names if name is not None and category_names and name not in position})
+    if unknown:
+        raise ValueError(
+            f"frame {frame.name!r}: unknown category {', '.join(unknown)}; the dataset has {', '.join(category_names)}"
+        )
+    return {
+        "edge_label": np.where(known, same, UNKNOWN).astype(np.float32),
+        "node_instance": majority,
+        "overlap_index": superpixel,
+        "overlap_instance": instance,
+        "overlap_count": count,
+        "instance_id": ids,
+        "instance_category": np.array([position.get(name or "", 0) for name in names], np.int64),
+    }
+
+
+def overlap_table(
+    label_map: LabelMap, instances: npt.NDArray[np.int32]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Count the pixels that every superpixel shares with every instance; ignored pixels are left out.
+
+    Args:
+        label_map: int32 [H, W], ids 0..N-1.
+        instances: int32 [H, W], -1 ignore.
+
+    Returns:
+        Superpixel, instance and number of pixels, int64 [M] each, sorted by superpixel, then by instance.
+    """
+    counted = instances != IGNORE
+    width = int(instances.max(initial=0)) + 1
+    keys = label_map[counted].astype(np.int64) * width + instances[counted]
+    counts = np.bincount(keys)
+    present = np.nonzero(counts)[0]
+    return present // width, present % width, counts[present].astype(np.int64)

@@ -1,0 +1,59 @@
+"""The tensors of one graph with the names they have in PyG's `Data`: what the networks of this package read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from sgbd.graph_arrays import GraphArrays
+
+
+class GraphTensors:
+    """One graph for inference.
+
+    It stands in for `torch_geometric.data.Data`, whose import takes seconds, where nothing but the fields is needed.
+
+    Args:
+        graph: The graph; the tensors share its memory.
+        node_columns: Columns of `x` to take.
+        edge_columns: Columns of `edge_attr` to take.
+
+    Attributes:
+        x: float32 [N, F], node features.
+        edge_index: int64 [2, 2E].
+        edge_attr: float32 [2E, D], edge features.
+        edge_label_index: int64 [2, E].
+        border_length: float32 [E].
+        area: int64 [N].
+        name: The frame's name.
+    """
+
+    def __init__(self, graph: GraphArrays, node_columns: Sequence[int], edge_columns: Sequence[int]) -> None:
+        def tensor(field: str) -> Tensor:
+            return torch.from_numpy(graph[field])
+
+        self.x = _columns(tensor("x"), node_columns)
+        self.edge_index = tensor("edge_index")
+        self.edge_attr = _columns(tensor("edge_attr"), edge_columns)
+        self.edge_label_index = tensor("edge_label_index")
+        self.border_length = tensor("border_length")
+        self.area = tensor("area")
+        self.name = graph["name"]
+
+    @property
+    def num_nodes(self) -> int:
+        """Number of superpixels."""
+        return self.x.size(0)
+
+    def to(self, device: torch.device | str) -> GraphTensors:
+        """Move the tensors to a device, in place as PyG does."""
+        for name, value in vars(self).items():
+            if isinstance(value, Tensor):
+                setattr(self, name, value.to(device))
+        return self
+
+
+def _columns(matrix: Tensor, columns: Sequence[int]) -> Tensor:
+    return matrix if len(columns) == matrix.size(1) else matrix[:, columns]
