@@ -7,10 +7,13 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import torch
 from torch_geometric.data import Data, Dataset
 
 from sgbd.features import EDGE_GROUPS, EDGE_NAMES, NODE_GROUPS, NODE_NAMES, edge_columns, node_columns
 from sgbd.graph_file import FORMAT_VERSION, read_graph, stored_fields
+from sgbd.node_block import split_groups
+from sgbd.node_block_cache import find_node_block, is_of_graphs, node_block_names, read_node_block
 from sgbd.own_columns import with_own_columns
 from sgbd.preparation import INDEX_FILE, RECIPE_FILE, graph_file_name, read_index
 from sgbd.recipe import Recipe
@@ -32,13 +35,15 @@ class SuperpixelGraphDataset(Dataset):
         root: Folder of a recipe (what `sgbd.preparation.prepare` returns), or one that holds a single such folder.
         split: Which split.
         node_features: Groups of `sgbd.features.NODE_GROUPS` to keep as columns of `x`; None for all. The columns stay
-            in the declared order.
+            in the declared order. The group of a block that was added to the graphs (`sgbd.node_block_cache`), such as
+            `dino`, appends its columns.
         edge_features: Groups of `sgbd.features.EDGE_GROUPS` to keep as columns of `edge_attr`; None for all.
         in_memory: Keep every graph after its first reading. Sub-datasets share what is kept; worker processes of a
             `DataLoader` keep their own, so use none with this.
         fields: Fields of the graphs to read; None for all. Training needs no label maps and overlap tables, and reads
             faster without them.
         transform: Applied to each graph on access.
+        node_block: Folder name of the block to append, if there are several of its group.
 
     Raises:
         GraphCacheError: If there are no such graphs; the message says how to prepare them.
@@ -54,6 +59,7 @@ class SuperpixelGraphDataset(Dataset):
         in_memory: bool = False,
         fields: Collection[str] | None = None,
         transform: Callable[[Data], Data] | None = None,
+        node_block: str | None = None,
     ) -> None:
         self.folder = find_recipe_folder(Path(root).expanduser())
         self.split = split
@@ -62,7 +68,10 @@ class SuperpixelGraphDataset(Dataset):
         self.node_features = None if node_features is None else tuple(node_features)
         self.edge_features = None if edge_features is None else tuple(edge_features)
         self.fields = None if fields is None else tuple(fields)
-        self._node_columns = node_columns(self.node_features)
+        stored, others = split_groups(self.node_features)
+        self._block = self._find_block(others, node_block)
+        self._block_names = () if self._block is None else node_block_names(self._block)
+        self._node_columns = node_columns(stored)
         self._edge_columns = edge_columns(self.edge_features)
         self.in_memory = in_memory
         self._graphs: dict[int, Data] = {}
@@ -80,6 +89,9 @@ class SuperpixelGraphDataset(Dataset):
         data = read_graph(self.folder / self.split / graph_file_name(self._index["names"][idx]), self.fields)
         if self.node_features is not None and "x" in data:
             data.x = data.x[:, with_own_columns(self._node_columns, len(NODE_NAMES), data.x.size(1))]
+            if self._block is not None:
+                block = read_node_block(self._block, self.split, self._index["names"][idx])
+                data.x = torch.cat([data.x, block], dim=1)
         if self.edge_features is not None and "edge_attr" in data:
             columns = with_own_columns(self._edge_columns, len(EDGE_NAMES), data.edge_attr.size(1))
             data.edge_attr = data.edge_attr[:, columns]
@@ -111,12 +123,30 @@ class SuperpixelGraphDataset(Dataset):
     @property
     def node_channels(self) -> int:
         """Number of node features."""
-        return len(self._node_columns) + len(self.recipe.get("own_node_columns", ()))
+        own = len(self.recipe.get("own_node_columns", ()))
+        return len(self._node_columns) + own + len(self._block_names)
 
     @property
     def edge_channels(self) -> int:
         """Number of edge features."""
         return len(self._edge_columns) + len(self.recipe.get("own_edge_columns", ()))
+
+    def _find_block(self, groups: list[str], name: str | None) -> Path | None:
+        if not groups:
+            return None
+        block = find_node_block(self.folder, groups[0], name) if len(groups) == 1 else None
+        if block is None:
+            raise ValueError(
+                f"unknown node feature group {', '.join(groups)}; choose from {', '.join(NODE_GROUPS)}, or the group "
+                f"of a block that was added to the graphs in {self.folder}. To add DINO's attention: "
+                f"{HOW_TO_PREPARE} node_block=dino_vits16"
+            )
+        if not is_of_graphs(block, self.split, self._index):
+            raise GraphCacheError(
+                f"the block {block} is not complete for {self.split}, or of other frames. Prepare it again: "
+                f"{HOW_TO_PREPARE} node_block=<its option>"
+            )
+        return block
 
     def labelled(self) -> SuperpixelGraphDataset:
         """Return the sub-dataset of the graphs whose frames have ground truth; of each file only the head is read."""

@@ -11,6 +11,7 @@ from sgbd.data import SuperpixelGraphDataset
 from sgbd.evaluation import Evaluator, with_truth
 from sgbd.label_images import LabelImages
 from sgbd.label_map_evaluation import evaluate_label_maps
+from sgbd.node_block_cache import node_block_folder, prepare_node_block
 from sgbd.pipeline import frame_source, splits_of
 from sgbd.preparation import prepare
 from sgbd.results import draw_examples, example_frames, markdown, write_evaluation
@@ -31,6 +32,7 @@ def main(config: DictConfig) -> None:
         checkpoint,
         partition=instantiate(config.partition),
         rule=instantiate(config.objects),
+        node_block=instantiate(config.node_block),
         device=config.device,
         trust=trust,
     )
@@ -39,8 +41,16 @@ def main(config: DictConfig) -> None:
     folder = prepare(
         source, segmenter.superpixels, segmenter.graph, config.cache_dir, workers=workers, on_error=config.on_error
     )
-    features = segmenter.recipe["features"]
-    prepared = SuperpixelGraphDataset(folder, source.split, features["node"], features["edge"])
+    features, block = segmenter.recipe["features"], segmenter.node_block
+    if block is not None:
+        prepare_node_block(folder, source, block)
+    prepared = SuperpixelGraphDataset(
+        folder,
+        source.split,
+        features["node"],
+        features["edge"],
+        node_block=None if block is None else node_block_folder(block),
+    )
     dataset = with_truth(prepared, config.on_error)
     # By construction; a difference would mean that the graphs are not what the model was trained on.
     checkpoint.require(superpixels=dataset.recipe["superpixels"], graph=dataset.recipe["graph"])

@@ -20,13 +20,15 @@ from sgbd.data import SuperpixelGraphDataset
 from sgbd.evaluation import Evaluation, Evaluator, with_truth
 from sgbd.features import edge_columns, node_columns
 from sgbd.models import EdgeClassifier, ObjectnessHead
+from sgbd.node_block import split_groups
+from sgbd.node_block_cache import node_block_folder
 from sgbd.pipeline import frame_source, prepare_splits, splits_of
 from sgbd.plot import curves_figure
 from sgbd.results import draw_examples, example_frames, write_evaluation, write_figure
 from sgbd.segmenter import Segmenter
 from sgbd.training import Trainer, TrainingResult
 from sgbd.tuning import TUNING_FILE
-from sgbd.untrained import trusted_packages, untrained_checkpoint
+from sgbd.untrained import configured_block, trusted_packages, untrained_checkpoint
 
 log = logging.getLogger(__name__)
 
@@ -80,10 +82,19 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
     seed_everything(config.seed, verbose=False)
     initial = untrained_checkpoint(config)
     model, objectness, features = initial.model, initial.objectness, initial.recipe["features"]
-    cache = prepare_splits(config, splits)
+    block = configured_block(config)
+    cache = prepare_splits(config, splits, block)
 
     def graphs(split: str, fields: Collection[str] | None = None) -> SuperpixelGraphDataset:
-        dataset = SuperpixelGraphDataset(cache, split, features["node"], features["edge"], config.in_memory, fields)
+        dataset = SuperpixelGraphDataset(
+            cache,
+            split,
+            features["node"],
+            features["edge"],
+            config.in_memory,
+            fields,
+            node_block=None if block is None else node_block_folder(block),
+        )
         return with_truth(dataset, config.on_error)
 
     training = graphs("train", ("name", *FIELDS))
@@ -143,7 +154,8 @@ def _check(config: DictConfig) -> None:
         groups = config.features[key]
         if isinstance(groups, str):
             raise ConfigurationError(f"features.{key} must be a list of groups: features.{key}=[{groups}]")
-        columns(groups)
+        # Whether a block has the others, making the model shows.
+        columns(split_groups(groups)[0] if key == "node" else groups)
     # The models need to know the graphs; that their classes exist can be seen now.
     for group in (config.model, config.objectness):
         if group is not None:

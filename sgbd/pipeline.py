@@ -10,6 +10,8 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from sgbd.configuration import count_workers
+from sgbd.node_block import NodeBlock
+from sgbd.node_block_cache import prepare_node_block
 from sgbd.preparation import prepare
 from sgbd.sources import FrameSource
 
@@ -38,28 +40,25 @@ def splits_of(source: FrameSource) -> tuple[str, ...]:
     return source.splits or (source.split,)
 
 
-def prepare_splits(config: DictConfig, splits: Sequence[str]) -> Path:
+def prepare_splits(config: DictConfig, splits: Sequence[str], block: NodeBlock | None = None) -> Path:
     """Prepare the graphs of some splits as configured, or find them prepared.
 
     Args:
         config: A configuration with the keys of conf/prepare.yaml.
         splits: Their names.
+        block: Node features to add to them.
 
     Returns:
         The folder of the recipe, which holds a folder for each split.
     """
     workers = count_workers(config.workers)
     superpixels, graph = instantiate(config.superpixels), instantiate(config.graph)
-    folders = [
-        prepare(
-            frame_source(config.dataset, workers, split),
-            superpixels,
-            graph,
-            config.cache_dir,
-            workers=workers,
-            on_error=config.on_error,
-        )
-        for split in splits
-    ]
+    folders = []
+    for split in splits:
+        source = frame_source(config.dataset, workers, split)
+        folder = prepare(source, superpixels, graph, config.cache_dir, workers=workers, on_error=config.on_error)
+        if block is not None:
+            prepare_node_block(folder, source, block)
+        folders.append(folder)
     # All splits of a dataset have one recipe, and so one folder.
     return folders[-1]

@@ -28,6 +28,7 @@ def main(config: DictConfig) -> None:
         find_checkpoint(config.checkpoint, config.output_dir),
         partition=instantiate(config.partition),
         rule=instantiate(config.objects),
+        node_block=instantiate(config.node_block),
         device=config.device,
         trust=tuple(config.trust),
     )

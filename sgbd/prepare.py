@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from sgbd.configuration import count_workers, entry_point
@@ -14,10 +15,12 @@ def main(config: DictConfig) -> None:
     workers = count_workers(config.workers)
     source = frame_source(config.dataset, workers)
     splits = config.splits or splits_of(source)
-    folder = prepare_splits(config, splits)
+    block = None if config.node_block is None else instantiate(config.node_block)
+    folder = prepare_splits(config, splits, block)
     print(f"\nPrepared {', '.join(splits)} in {folder}. To load them:\n")
     print("from sgbd.data import SuperpixelGraphDataset")
-    print(f'graphs = SuperpixelGraphDataset("{folder}", split="{splits[0]}")')
+    chosen = "" if block is None else f', node_features=["rgb", "position", "depth", "normal", "{block.group}"]'
+    print(f'graphs = SuperpixelGraphDataset("{folder}", split="{splits[0]}"{chosen})')
 
 
 if __name__ == "__main__":

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,11 +13,12 @@ import torch
 from torch import nn
 
 from sgbd.adjacency import LabelMap
-from sgbd.checkpoint import Checkpoint, instantiate
+from sgbd.checkpoint import Checkpoint, CheckpointError, instantiate
 from sgbd.features import EDGE_NAMES, NODE_NAMES, edge_columns, node_columns
 from sgbd.frame import Frame, Intrinsics
 from sgbd.graph import GraphBuilder
 from sgbd.graph_tensors import GraphTensors
+from sgbd.node_block import NodeBlock, required_block, split_groups
 from sgbd.own_columns import with_own_columns
 from sgbd.partition import Partitioner
 from sgbd.segmentation import ObjectRule, Segmentation, classify, paint, partition_graph
@@ -42,6 +43,8 @@ class Segmenter:
         checkpoint: The model and its recipe.
         partition: Takes the place of the recipe's partitioner.
         rule: Takes the place of the recipe's rule of what an object is.
+        node_block: Takes the place of the recipe's block of node features, for instance where its weights lie elsewhere
+            on this machine; not looked at if the model uses none.
         device: Where the networks run.
         threads: CPU threads of the networks; see `sgbd.torch_threads`.
         trust: Names of packages beside `sgbd` whose classes the recipe may name.
@@ -57,6 +60,7 @@ class Segmenter:
         *,
         partition: Partitioner | None = None,
         rule: ObjectRule | None = None,
+        node_block: NodeBlock | None = None,
         device: torch.device | str = "cpu",
         threads: int = 1,
         trust: Sequence[str] = (),
@@ -76,7 +80,9 @@ class Segmenter:
         self.model = checkpoint.model.to(self.device).eval()
         self.objectness = None if checkpoint.objectness is None else checkpoint.objectness.to(self.device).eval()
         features = recipe["features"]
-        self._node_columns = node_columns(features["node"])
+        self.node_block = _block(features, node_block, trust)
+        stored, _ = split_groups(features["node"])
+        self._node_columns = node_columns(stored)
         self._edge_columns = edge_columns(features["edge"])
 
     @classmethod
@@ -86,6 +92,7 @@ class Segmenter:
         *,
         partition: Partitioner | None = None,
         rule: ObjectRule | None = None,
+        node_block: NodeBlock | None = None,
         device: torch.device | str = "cpu",
         threads: int = 1,
         trust: Sequence[str] = (),
@@ -96,7 +103,15 @@ class Segmenter:
             sgbd.checkpoint.CheckpointError: If the file is missing, damaged or no checkpoint.
         """
         checkpoint = Checkpoint.load(path, trust)
-        return cls(checkpoint, partition=partition, rule=rule, device=device, threads=threads, trust=trust)
+        return cls(
+            checkpoint,
+            partition=partition,
+            rule=rule,
+            node_block=node_block,
+            device=device,
+            threads=threads,
+            trust=trust,
+        )
 
     def segment(self, rgb: npt.ArrayLike, depth: npt.ArrayLike, intrinsics: Intrinsics | None = None) -> Segmentation:
         """Segment one frame.
@@ -137,6 +152,9 @@ class Segmenter:
         """
         data = self.graph(frame, label_map, store_maps=False)
         data.x = data.x[:, with_own_columns(self._node_columns, len(NODE_NAMES), data.x.size(1))]
+        if self.node_block is not None:
+            (block,) = self.node_block([frame.rgb], [node_map(label_map, data)])
+            data.x = torch.cat([data.x, torch.from_numpy(block)], dim=1)
         data.edge_attr = data.edge_attr[
             :, with_own_columns(self._edge_columns, len(EDGE_NAMES), data.edge_attr.size(1))
         ]
@@ -153,7 +171,8 @@ class Segmenter:
             The graph; a `Data` where the builder or a network is of a user's own making.
         """
         networks = [network for network in (self.model, self.objectness) if network is not None]
-        if type(self.graph) is not GraphBuilder or not all(map(_reads_fields_only, networks)):
+        plain = type(self.graph) is GraphBuilder and self.node_block is None
+        if not plain or not all(map(_reads_fields_only, networks)):
             return self.build_graph(frame, label_map)
         arrays = self.graph.arrays(frame, label_map, store_maps=False)
         return GraphTensors(arrays, self._node_columns, self._edge_columns)
@@ -178,6 +197,24 @@ def node_map(label_map: LabelMap, data: Data | GraphTensors) -> LabelMap:
         return label_map
     nodes: LabelMap = data.node_of_superpixel.numpy().astype(np.int32)[label_map]
     return nodes
+
+
+def _block(features: Mapping[str, Any], given: NodeBlock | None, trust: Sequence[str]) -> NodeBlock | None:
+    """Return the block that a recipe's features need, with its weights read: what is missing is better told now."""
+    recipe = features.get("block")
+    if recipe is None:
+        return required_block(features["node"], None)
+    block = instantiate(recipe, NodeBlock, trust) if given is None else given  # type: ignore[type-abstract]
+    # Where the weights lie is no part of what they are; their digest is.
+    wanted, found = (
+        {key: value for key, value in each.items() if key != "weights"} for each in (recipe, block.recipe())
+    )
+    if wanted != found:
+        raise CheckpointError(
+            f"the model was trained with the node block {wanted}, not with {found}. Give node_block the same settings "
+            "and weights."
+        )
+    return required_block(features["node"], block)
 
 
 def _usable_device(device: torch.device | str) -> torch.device:

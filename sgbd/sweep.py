@@ -7,7 +7,8 @@ import io
 import logging
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,11 +35,27 @@ PER_CENT = 100
 """Scores are shares; tables and figures for people show per cent."""
 
 
+STATES = ("finished", "failed", "unfinished", "not run")
+"""What can become of a job."""
+
+
+@dataclass(frozen=True)
+class NotRun:
+    """What a job of a sweep returns if this machine lacks something that it needs: no score, and no failure.
+
+    Attributes:
+        reason: What is missing and what to do.
+    """
+
+    reason: str
+
+
 class SweepTable(Callback):
     """Hydra callback that keeps one table of a sweep in the sweep's folder: `table.csv`, `table.md` and `table.png`.
 
-    It is written after every job, so that it is there however the sweep ends. Jobs that failed, or were interrupted,
-    are rows of it like the others. Tables of another sweep in the same folder are moved to a subfolder `earlier-<n>`.
+    It is written after every job, so that it is there however the sweep ends. Jobs that failed, were interrupted or
+    could not run on this machine are rows of it like the others. Tables of another sweep in the same folder are moved
+    to a subfolder `earlier-<n>`.
 
     Args:
         columns: Patterns (as of file names) of the scores that the Markdown table shows, in this order. The CSV file
@@ -92,7 +109,11 @@ class SweepTable(Callback):
         if self.sweep is None:
             return
         if job_return.status == JobStatus.COMPLETED:
-            self._record(config, "finished")
+            missing = job_return.return_value
+            if isinstance(missing, NotRun):
+                self._record(config, "not run", missing.reason)
+            else:
+                self._record(config, "finished")
         else:
             error = job_return._return_value  # the property would raise it
             expected = isinstance(error, ExpectedError)
@@ -130,7 +151,7 @@ def read_jobs(folder: Path) -> pd.DataFrame:
 
     Returns:
         A row each job in the sweep's order, with the columns `job` (its number), one for each override, `seed`, `state`
-        (finished, failed or unfinished), one for each score (NaN where there is none), `seconds`, `error`, `folder`.
+        (one of `STATES`), one for each score (NaN where there is none), `seconds`, `error`, `folder`.
     """
     records = [read_json(path) for path in sorted((folder / RECORDS_FOLDER).glob("[0-9]*.json"))]
     rows: list[dict[str, Any]] = []
@@ -172,7 +193,7 @@ def summarize(jobs: pd.DataFrame) -> pd.DataFrame:
     groups = jobs.groupby([keys[key] for key in overrides], sort=False) if overrides else [((), jobs)]
     for values, group in groups:
         row: dict[str, Any] = dict(zip(overrides, values, strict=True))
-        for state in ("finished", "failed", "unfinished"):
+        for state in STATES:
             row[state] = int((group["state"] == state).sum())
         for score in [*jobs.attrs["scores"], "seconds"]:
             row[score] = group[score].mean()
@@ -213,9 +234,7 @@ def markdown(jobs: pd.DataFrame, summary: pd.DataFrame, columns: Sequence[str], 
     shown = pd.DataFrame(index=summary.index)
     for key in overrides:
         shown[key] = summary[key].astype(str)
-    shown["jobs"] = [
-        _count(*row) for row in zip(summary["finished"], summary["failed"], summary["unfinished"], strict=True)
-    ]
+    shown["jobs"] = [_count(dict(zip(STATES, row, strict=True))) for row in summary[list(STATES)].to_numpy().tolist()]
     for score in [*chosen, "seconds"]:
         scale, digits = (1, 0) if score == "seconds" else (PER_CENT, 2)
         pairs = zip(scale * summary[score], scale * summary[f"{score} std"], strict=True)
@@ -287,12 +306,12 @@ def draw(summary: pd.DataFrame, scores: Sequence[str]) -> Figure:
     return figure
 
 
-def _count(finished: int, failed: int, unfinished: int) -> str:
-    if failed + unfinished == 0:
-        return str(finished)
-    if finished + failed + unfinished == 1:
-        return "failed" if failed else "unfinished"
-    numbers = {"finished": finished, "failed": failed, "unfinished": unfinished}
+def _count(numbers: Mapping[str, int]) -> str:
+    present = [state for state, number in numbers.items() if number]
+    if present == ["finished"]:
+        return str(numbers["finished"])
+    if sum(numbers.values()) == 1 or present == ["not run"]:
+        return present[0]
     return ", ".join(f"{number} {state}" for state, number in numbers.items() if number)
 
 

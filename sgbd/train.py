@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
+import logging
+
+from hydra.core.hydra_config import HydraConfig
+from hydra.types import RunMode
 from omegaconf import DictConfig
 
+from sgbd.availability import NotAvailableError
 from sgbd.configuration import entry_point, output_folder
 from sgbd.experiment import run_experiment
 from sgbd.job import run_once
+from sgbd.sweep import NotRun
+
+log = logging.getLogger(__name__)
 
 
 @entry_point("train")
-def main(config: DictConfig) -> float | None:
+def main(config: DictConfig) -> float | NotRun | None:
     """Train once, or find the result of the same training, and say how it went."""
     folder = output_folder()
-    result = run_once(folder, config, run_experiment)
+    try:
+        result = run_once(folder, config, run_experiment)
+    except NotAvailableError as error:
+        if HydraConfig.get().mode != RunMode.MULTIRUN:
+            raise
+        log.warning("not run: %s", error)
+        return NotRun(str(error))
     scores = result["scores"]
     if scores:
         print(f"\nScores on the test frames, per cent:\n\n{(folder / 'scores.md').read_text()}")

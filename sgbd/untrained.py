@@ -10,6 +10,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from sgbd.checkpoint import Checkpoint
 from sgbd.features import EDGE_GROUPS, NODE_GROUPS, edge_columns, node_columns
+from sgbd.node_block import NodeBlock, required_block, split_groups
 from sgbd.own_columns import own_columns
 from sgbd.recipe import describe
 
@@ -28,14 +29,22 @@ def untrained_checkpoint(config: DictConfig) -> Checkpoint:
 
     Raises:
         ValueError: If a feature group is unknown; the message lists the choices.
+        sgbd.node_block.MissingWeightsError: If the features need a block whose weights are not there.
     """
-    features = {
+    features: dict[str, Any] = {
         "node": _groups(config.features.node, NODE_GROUPS),
         "edge": _groups(config.features.edge, EDGE_GROUPS),
     }
     graph = instantiate(config.graph)
     own = own_columns(graph)
-    node_channels = {"node_channels": len(node_columns(features["node"])) + len(own.get("own_node_columns", ()))}
+    block = configured_block(config)
+    stored, _ = split_groups(features["node"])
+    nodes = (
+        len(node_columns(stored)) + len(own.get("own_node_columns", ())) + (0 if block is None else len(block.names))
+    )
+    node_channels = {"node_channels": nodes}
+    if block is not None:
+        features["block"] = block.recipe()
     edge_channels = len(edge_columns(features["edge"])) + len(own.get("own_edge_columns", ()))
     channels = {**node_channels, "edge_channels": edge_channels}
     model = instantiate(config.model, **channels)
@@ -53,13 +62,27 @@ def untrained_checkpoint(config: DictConfig) -> Checkpoint:
     return Checkpoint(model, head, recipe, getattr(graph, "checkpoint", None))
 
 
+def configured_block(config: DictConfig) -> NodeBlock | None:
+    """Return the configured block of node features if the configured features need it, else None.
+
+    Args:
+        config: A configuration with `features`, and `node_block` where there may be one.
+
+    Raises:
+        sgbd.node_block.NodeBlockError: If a feature group is unknown.
+    """
+    chosen = config.get("node_block")
+    return required_block(config.features.node, None if chosen is None else instantiate(chosen))
+
+
 def trusted_packages(config: DictConfig) -> tuple[str, ...]:
     """Return the packages whose classes and functions a configuration names: whoever wrote it trusts them.
 
     Args:
         config: A configuration with `GROUPS`, and `trust` where a checkpoint may name more.
     """
-    targets = (target for group in GROUPS if config[group] is not None for target in _targets(_plain(config[group])))
+    chosen = (config.get(group) for group in (*GROUPS, "node_block"))
+    targets = (target for group in chosen if group is not None for target in _targets(_plain(group)))
     return tuple(sorted({*(config.get("trust") or ()), *(target.partition(".")[0] for target in targets)}))
 
 

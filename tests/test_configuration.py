@@ -24,9 +24,11 @@ from omegaconf.errors import MissingMandatoryValue
 
 from sgbd import configuration
 from sgbd.configuration import ConfigurationError, config_folder, count_workers, explain
-from sgbd.features import edge_columns, node_columns
+from sgbd.features import EDGE_GROUPS, NODE_GROUPS, edge_columns, node_columns
 from sgbd.frame import FrameError
+from sgbd.node_block import split_groups
 from sgbd.sources import DatasetNotFoundError
+from sgbd.sources.categories import TOD_GROUPS, TODZ_SEEN
 
 CONF = Path(__file__).parents[1] / "conf"
 ENTRIES = sorted(path.stem for path in CONF.glob("*.yaml"))
@@ -89,7 +91,10 @@ def test_every_option_composes_and_its_target_takes_its_arguments(group, option)
     check_targets(config)
     if group == "features":
         assert set(node) == {"node", "edge"}
-        assert node_columns(node.node) or edge_columns(node.edge)
+        stored, others = split_groups(node.node)
+        assert others in ([], ["dino"])
+        assert node_columns(stored) or others
+        edge_columns(node.edge)
     elif group in ("superpixels", "graph", "sampler", "partition"):
         assert callable(instantiate(node))
 
@@ -112,7 +117,10 @@ def test_every_experiment_composes_under_its_own_name(experiment):
     assert (config.hydra.mode == RunMode.MULTIRUN) == bool(config.hydra.sweeper.params)
 
 
-@pytest.mark.parametrize("experiment", [name for name in EXPERIMENTS if name.startswith("ablate_")])
+SWEEPS = [name for name in EXPERIMENTS if name.startswith(("ablate_", "generalization_"))]
+
+
+@pytest.mark.parametrize("experiment", SWEEPS)
 def test_ablations_sweep_over_values_that_compose(experiment):
     config = composed("train", f"+experiment={experiment}", hydra=True)
     params = [f"{key}={value}" for key, value in config.hydra.sweeper.params.items()]
@@ -131,19 +139,61 @@ def swept(experiment: str) -> dict[str, str]:
 def test_the_papers_ablations():
     assert swept("ablate_sampling") == {"sampler.positive_share": "null,0.5,0.25,0.1"}
     assert swept("ablate_patches") == {"superpixels.n_segments": "32,64,128,256"}
-    rows = [composed("train", f"features={row}").features for row in swept("ablate_features")["features"].split(",")]
-    columns = [(len(node_columns(row.node)), len(edge_columns(row.edge))) for row in rows]
-    every_node, every_edge = len(node_columns()), len(edge_columns())
-    assert columns == [
-        (3, 0),
-        (3, 0),
-        (6, 0),
-        (9, 0),
-        (3, 0),
-        (every_node, 0),
-        (9, every_edge),
-        (every_node, every_edge),
-    ]
+
+
+def test_feature_rows_are_the_papers_then_more_then_every_group_alone():
+    names = [row.strip() for row in swept("ablate_features")["features"].split(",")]
+    rows = {name: composed("train", f"features={name}").features for name in names}
+    groups = {name: (row.node and sorted(row.node), row.edge) for name, row in rows.items()}
+    explicit = ["depth", "normal", "position", "rgb"]
+    assert names[:8] == ["rgb", "depth", "rgb_depth", "paper", "paper_dino", "dino", "rgb_dino", "depth_dino"]
+    assert groups["depth"] == (["depth", "position"], []), "the paper's Z comes with its X and Y"
+    assert groups["paper"] == (explicit, [])
+    assert groups["paper_dino"] == (sorted([*explicit, "dino"]), [])
+    assert groups["dino"] == (["dino"], [])
+    assert groups["all"] == (None, None)
+    assert {node[0] for node, edge in groups.values() if node and len(node) == 1} == {*NODE_GROUPS, "dino"}
+    assert {edge[0] for node, edge in groups.values() if edge and len(edge) == 1 and node == explicit} == {*EDGE_GROUPS}
+
+
+def classes_of(experiment: str) -> dict[str, dict]:
+    names = swept(experiment)["classes"].split(",")
+    rows = {name: composed("train", f"+experiment={experiment}", f"classes={name}") for name in names}
+    assert all(row.dataset.unseen_objects == "ignore" for row in rows.values())
+    return {name: OmegaConf.to_container(row.dataset, resolve=False) | {"seen": list(row.dataset.seen),
+            "max_train_frames": row.dataset.max_train_frames} for name, row in rows.items()}  # fmt: skip
+
+
+def test_studies_of_generalization_choose_classes_of_one_dataset():
+    number = [set(row["seen"]) for row in classes_of("generalization_number").values()]
+    assert [len(seen) for seen in number] == [15, 20, 23]
+    assert number[0] > TODZ_SEEN
+    assert number[2] > number[1] > number[0]
+    variance = classes_of("generalization_variance").values()
+    assert [(len(row["seen"]), row["max_train_frames"]) for row in variance] == [(5, 400), (10, 200), (20, 100)]
+    types = [frozenset(row["seen"]) for row in classes_of("generalization_types").values()]
+    assert len(set(types)) == 3
+    for seen in types:
+        assert [len(seen & set(names)) for names in TOD_GROUPS.values()] == [5, 2, 5, 3]
+    groups = {name: set(row["seen"]) for name, row in classes_of("generalization_groups").items()}
+    assert groups == {name: set(names) for name, names in TOD_GROUPS.items()}
+
+
+def test_models_are_compared_at_equal_parameters():
+    sizes = {}
+    for model in swept("ablate_models")["model"].split(","):
+        config = composed("train", "+experiment=ablate_models", f"model={model}")
+        network = instantiate(config.model, node_channels=len(node_columns()), edge_channels=len(edge_columns()))
+        sizes[model] = sum(parameter.numel() for parameter in network.parameters())
+    assert max(sizes.values()) < 1.1 * min(sizes.values()), sizes
+
+
+def test_ablations_of_our_best_model_differ_from_the_papers_in_the_model():
+    best, graph = (composed("train", f"+experiment={name}") for name in ("ablate_sampling_best", "graph"))
+    assert best.model == graph.model
+    assert best.superpixels == graph.superpixels
+    assert swept("ablate_sampling_best") == swept("ablate_sampling")
+    assert swept("ablate_patches_best") == {"superpixels.n_segments": "128,256,512,1024"}
 
 
 def test_values_from_the_command_line_win_over_an_experiment():

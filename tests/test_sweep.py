@@ -163,3 +163,31 @@ def test_a_sweep_with_a_failing_job_is_repeated_and_extended(tmp_path):
     assert "25.50 ± 0.71" in lines[2]
     assert "10.50 ± 0.71" in lines[3]
     assert pd.read_csv(sweep / "earlier-1" / "table.csv")["hm/overlap_f"].tolist() == [0.8, 0.5, 0.25, 0.1]
+
+
+def test_what_this_machine_cannot_run_is_reported_and_is_no_failure(sweep):
+    record(sweep, 5, "not run", error="no weights here", features="dino", seed=0, sampler="balanced")
+    jobs = read_jobs(sweep)
+    summary = summarize(jobs)
+    assert summary["not run"].tolist() == [0, 0, 0, 1]
+    assert math.isnan(summary["hm/overlap_f"][3])
+    text = markdown(jobs, summary, ["hm/overlap_*"])
+    assert [cell.strip() for cell in text.splitlines()[5].strip("|").split("|")] == ["dino", "not run", "–", "–"]
+    assert "Job 5 (`job5`) not run: no weights here\n" in text
+
+
+def test_rows_without_their_weights_do_not_stop_a_sweep(tmp_path):
+    command = [sys.executable, "-m", "sgbd.train", "-m", "features=dino,paper_dino", "dataset=folder", "logger=csv"]
+    # Frames are not looked for: what is missing is told before.
+    (tmp_path / "frames" / "train").mkdir(parents=True)
+    for name in ("a_rgb.png", "a_depth.png"):
+        (tmp_path / "frames" / "train" / name).touch()
+    run = subprocess.run(
+        [*command, "dataset.root=frames", "node_block.weights=./nowhere", "name=lacking"],
+        cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    table = pd.read_csv(tmp_path / "outputs" / "sweeps" / "lacking" / "table.csv")
+    assert table["state"].tolist() == ["not run", "not run"]
+    assert "'./nowhere' cannot be read" in table["error"][0] or "needs the package transformers" in table["error"][0]
+    assert not list(tmp_path.rglob("result.json"))

@@ -1,0 +1,229 @@
+"""python -m sgbd.feature_importance: which features tell a random forest that two superpixels belong together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import torch
+from omegaconf import DictConfig
+from torch_geometric.data import Data
+
+from sgbd.atomic_file import write_whole
+from sgbd.availability import NotAvailableError
+from sgbd.batches import collate
+from sgbd.configuration import ConfigurationError, entry_point, output_folder
+from sgbd.data import SuperpixelGraphDataset
+from sgbd.evaluation import with_truth
+from sgbd.features import EDGE_NAMES, NODE_NAMES, edge_columns, node_columns
+from sgbd.graph import edge_positions
+from sgbd.node_block import split_groups
+from sgbd.node_block_cache import node_block_folder
+from sgbd.pipeline import prepare_splits
+from sgbd.results import write_figure
+from sgbd.sampling import BalancedEdgeSampler
+from sgbd.untrained import configured_block
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from sklearn.ensemble import RandomForestClassifier
+
+Values = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class PairTable:
+    """Pairs of superpixels as rows of a table.
+
+    Attributes:
+        x: float32 [P, C]: node features of both ends and edge features.
+        merge: bool [P], whether both ends belong to one instance.
+        columns: For each feature its columns in `x`: two for one of nodes, one for one of edges.
+    """
+
+    x: Values
+    merge: npt.NDArray[np.bool_]
+    columns: dict[str, list[int]]
+
+
+def pair_table(
+    graphs: Sequence[Data],
+    pairs: int,
+    merge_share: float,
+    generator: torch.Generator,
+    node_names: Sequence[str],
+    edge_names: Sequence[str],
+) -> PairTable:
+    """Draw labelled pairs, as many from each of some graphs.
+
+    Args:
+        graphs: Graphs with truth.
+        pairs: How many pairs; four are drawn from each of a quarter as many graphs, more if there are fewer graphs.
+        merge_share: Share of merges among them.
+        generator: Source of randomness.
+        node_names: Names of the columns of `x`.
+        edge_names: Names of the columns of `edge_attr`.
+
+    Returns:
+        The table.
+
+    Raises:
+        ConfigurationError: If there are not enough labelled pairs, or merges only, or cuts only.
+    """
+    each = max(4, -(-pairs // len(graphs)))
+    order = torch.randperm(len(graphs), generator=generator)[: -(-pairs // each)].tolist()
+    drawn = BalancedEdgeSampler(each, merge_share)(collate([graphs[index] for index in order]), generator)
+    index, labels = drawn.edge_label_index, drawn.edge_label
+    # Rows come graph by graph: the last graph must not lose its pairs to the rounding.
+    kept = torch.randperm(index.shape[1], generator=generator)[:pairs]
+    index, labels = index[:, kept], labels[kept]
+    if len(labels) < pairs or labels.min() == labels.max():
+        raise ConfigurationError(
+            f"pairs={pairs} of both kinds cannot be drawn from {len(graphs)} graphs: got {int((labels == 1).sum())} "
+            f"merges and {int((labels == 0).sum())} cuts. Ask for fewer, or for another merge_share."
+        )
+    parts = [drawn.x[index[0]], drawn.x[index[1]]]
+    if edge_names:
+        parts.append(drawn.edge_attr[edge_positions(drawn.edge_index, index, drawn.x.shape[0])])
+    nodes = len(node_names)
+    columns = {name: [place, nodes + place] for place, name in enumerate(node_names)}
+    columns |= {name: [2 * nodes + place] for place, name in enumerate(edge_names)}
+    return PairTable(torch.cat(parts, dim=1).numpy(), (labels == 1).numpy(), columns)
+
+
+def forest_importance(
+    train: PairTable, held_out: PairTable, trees: int, seed: int, shuffles: int = 10
+) -> tuple[pd.DataFrame, float]:
+    """Train a random forest and measure what it makes of each feature.
+
+    A node feature is two columns, one of each end: their shares of impurity are added, and they are shuffled together.
+    (scikit-learn's own permutation importance shuffles single columns; the other end would give the feature away.)
+
+    Args:
+        train: Pairs to train on.
+        held_out: Pairs of other frames, on which features are shuffled.
+        trees: Number of trees.
+        seed: Fixes the forest and the shuffles.
+        shuffles: How often each feature is shuffled.
+
+    Returns:
+        A row each feature with `impurity` (mean decrease of Gini impurity; all add up to 1) and `permutation` (mean
+        loss of balanced accuracy on the held-out pairs when the feature is shuffled; see L. Breiman, "Random forests",
+        Machine Learning 45, 2001, doi:10.1023/A:1010933404324); and the balanced accuracy on the held-out pairs.
+
+    Raises:
+        NotAvailableError: If scikit-learn is not installed.
+    """
+    try:
+        from sklearn.ensemble import RandomForestClassifier
+    except ImportError as error:
+        raise NotAvailableError(
+            f"feature importance needs scikit-learn, which cannot be imported ({error}). Install the extra: "
+            "pip install 'sgbd[analysis]'"
+        ) from error
+    forest = RandomForestClassifier(trees, random_state=seed, class_weight="balanced").fit(train.x, train.merge)
+    accuracy = _balanced_accuracy(forest, held_out.x, held_out.merge)
+    rng = np.random.default_rng(seed)
+    rows = {}
+    for name, columns in train.columns.items():
+        losses = []
+        for _ in range(shuffles):
+            shuffled = held_out.x.copy()
+            shuffled[:, columns] = held_out.x[rng.permutation(len(shuffled))][:, columns]
+            losses.append(accuracy - _balanced_accuracy(forest, shuffled, held_out.merge))
+        rows[name] = {"impurity": forest.feature_importances_[columns].sum(), "permutation": float(np.mean(losses))}
+    return pd.DataFrame.from_dict(rows, orient="index"), accuracy
+
+
+def _balanced_accuracy(forest: RandomForestClassifier, x: Values, merge: npt.NDArray[np.bool_]) -> float:
+    right = forest.predict(x) == merge
+    return float((right[merge].mean() + right[~merge].mean()) / 2)
+
+
+def summarize(runs: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """Return mean and sample standard deviation over runs, the most important feature (by permutation) first."""
+    stacked = pd.concat(runs, keys=range(len(runs)), names=["run", "feature"])
+    groups = stacked.groupby("feature", sort=False)
+    deviations = groups.std().add_suffix(" std")
+    return groups.mean().join(deviations).sort_values("permutation", ascending=False, kind="stable")
+
+
+def importance_figure(summary: pd.DataFrame) -> Figure:
+    """Draw both importances as bars, with the deviation over the runs.
+
+    Args:
+        summary: As `summarize` returns it.
+
+    Returns:
+        A figure, made without pyplot.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 1.2 + 0.26 * len(summary)), layout="constrained")
+    panels = figure.subplots(1, 2, sharey=True)
+    titles = {"impurity": "decrease of impurity, share", "permutation": "loss of balanced accuracy when shuffled"}
+    for axes, (kind, title) in zip(panels, titles.items(), strict=True):
+        axes.barh(summary.index, summary[kind], xerr=summary[f"{kind} std"].fillna(0), color="#4477aa", capsize=2)
+        axes.axvline(0, color="black", linewidth=0.8)
+        axes.set_xlabel(title)
+        axes.grid(axis="x", alpha=0.3)
+    panels[0].invert_yaxis()
+    return figure
+
+
+@entry_point("feature_importance")
+def main(config: DictConfig) -> None:
+    """Prepare the graphs, train forests on pairs of the training frames, write the table and the figure."""
+    features, block = config.features, configured_block(config)
+    cache = prepare_splits(config, ("train", config.held_out), block)
+    graphs = [
+        with_truth(
+            SuperpixelGraphDataset(
+                cache,
+                split,
+                features.node,
+                features.edge,
+                in_memory=True,
+                node_block=None if block is None else node_block_folder(block),
+            )
+        )
+        for split in ("train", config.held_out)
+    ]
+    stored, others = split_groups(features.node)
+    node_names = [NODE_NAMES[column] for column in node_columns(stored)]
+    if others and block is not None:
+        node_names += block.names
+    edge_names = [EDGE_NAMES[column] for column in edge_columns(features.edge)]
+    runs, accuracies = [], []
+    for run in range(config.runs):
+        seed = config.seed + run
+        generator = torch.Generator().manual_seed(seed)
+        train, held_out = (
+            pair_table(dataset, config.pairs, config.merge_share, generator, node_names, edge_names)
+            for dataset in graphs
+        )
+        importance, accuracy = forest_importance(train, held_out, config.trees, seed)
+        runs.append(importance)
+        accuracies.append(accuracy)
+    summary = summarize(runs)
+    folder = output_folder()
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(folder / "feature_importance.csv", summary.to_csv().encode())
+    write_figure(importance_figure(summary), folder / "feature_importance.png")
+    table = summary.map("{:.3f}".format).to_markdown(disable_numparse=True)
+    deviation = f" ± {100 * np.std(accuracies, ddof=1):.1f}" if len(accuracies) > 1 else ""
+    told = (
+        f"{config.runs} forests of {config.trees} trees, each on {config.pairs} pairs of other superpixels of the "
+        f"training frames; balanced accuracy on {config.pairs} pairs of {config.held_out} frames "
+        f"{100 * np.mean(accuracies):.1f}{deviation} %. Mean and sample standard deviation over the forests."
+    )
+    write_whole(folder / "feature_importance.md", f"{told}\n\n{table}\n".encode())
+    print(f"\n{told}\n\n{table}\n\nTable and figure: {folder}")
+
+
+if __name__ == "__main__":
+    main()

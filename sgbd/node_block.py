@@ -1,0 +1,132 @@
+"""Node features beyond those of every graph: a block of columns, the mean of some image planes over each superpixel.
+
+The columns of `sgbd.features` are cheap and part of every graph. A block is costly or needs weights of its own, so it
+is computed only for models that ask for its group, kept beside the graphs (`sgbd.node_block_cache`), and appended to
+their columns.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from sgbd.adjacency import LabelMap
+from sgbd.availability import NotAvailableError
+from sgbd.features import NODE_GROUPS
+
+Planes = npt.NDArray[np.float32]
+
+
+class NodeBlockError(ValueError):
+    """Feature groups and a block that do not fit each other; the message says what to choose."""
+
+
+class MissingWeightsError(NotAvailableError):
+    """A block whose weights, or whose packages, are not on this machine."""
+
+
+class NodeBlock(ABC):
+    """Columns of node features that are computed from the colours of a frame.
+
+    Attributes:
+        group: Name of the columns' group in a list of node features, beside `sgbd.features.NODE_GROUPS`.
+    """
+
+    group: ClassVar[str]
+
+    @property
+    @abstractmethod
+    def names(self) -> tuple[str, ...]:
+        """Names of the M columns."""
+
+    @abstractmethod
+    def planes(self, images: Sequence[npt.NDArray[np.uint8]]) -> list[Planes]:
+        """Compute what is pooled.
+
+        Args:
+            images: uint8 [H, W, 3] each, RGB.
+
+        Returns:
+            float32 [M, H, W] for each image.
+        """
+
+    @abstractmethod
+    def recipe(self) -> dict[str, Any]:
+        """Return the configuration that makes this block again, with all that its values depend on; JSON values."""
+
+    def cache_key(self) -> dict[str, Any]:
+        """Return all that the columns depend on, beside the frames; JSON values."""
+        # Here, so that a segmenter without a block does not import what recipes are made with.
+        from sgbd.recipe import code_digest
+
+        return {**self.recipe(), "names": list(self.names), "code": code_digest([type(self).__module__])}
+
+    def __call__(
+        self, images: Sequence[npt.NDArray[np.uint8]], label_maps: Sequence[LabelMap]
+    ) -> list[npt.NDArray[np.float32]]:
+        """Compute the columns of some frames.
+
+        Args:
+            images: uint8 [H, W, 3] each, RGB.
+            label_maps: int32 [H, W] each, ids 0..N-1.
+
+        Returns:
+            float32 [N, M] for each frame.
+        """
+        return [
+            mean_over_superpixels(label_map, planes)
+            for label_map, planes in zip(label_maps, self.planes(images), strict=True)
+        ]
+
+
+def mean_over_superpixels(label_map: LabelMap, planes: Planes) -> npt.NDArray[np.float32]:
+    """Average image planes over each superpixel.
+
+    Args:
+        label_map: int32 [H, W], ids 0..N-1, each present.
+        planes: float32 [M, H, W].
+
+    Returns:
+        float32 [N, M].
+    """
+    flat = label_map.ravel()
+    sums = np.stack([np.bincount(flat, plane.ravel()) for plane in planes], axis=1)
+    return (sums / np.bincount(flat)[:, None]).astype(np.float32)
+
+
+def split_groups(groups: Iterable[str] | None) -> tuple[list[str] | None, list[str]]:
+    """Divide node feature groups into those of every graph and others, which only a block can have.
+
+    Args:
+        groups: Names; None for all of every graph.
+
+    Returns:
+        Names of `sgbd.features.NODE_GROUPS` (None for all of them), and the other names.
+    """
+    if groups is None:
+        return None, []
+    names = list(groups)
+    return [name for name in names if name in NODE_GROUPS], [name for name in names if name not in NODE_GROUPS]
+
+
+def required_block(groups: Iterable[str] | None, block: NodeBlock | None) -> NodeBlock | None:
+    """Return the block if some groups need it, else None.
+
+    Args:
+        groups: Node feature groups.
+        block: The configured block.
+
+    Raises:
+        NodeBlockError: If a group is neither one of every graph nor the block's.
+    """
+    _, others = split_groups(groups)
+    unknown = [name for name in others if block is None or name != block.group]
+    if unknown:
+        choices = ", ".join([*NODE_GROUPS, *([block.group] if block is not None else [])])
+        hint = "" if block is not None else ", or a node_block that has it (node_block=dino_vits16 has the group dino)"
+        raise NodeBlockError(f"unknown node feature group {', '.join(unknown)}; choose from {choices}{hint}")
+    return block if others else None

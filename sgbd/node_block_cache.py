@@ -1,0 +1,222 @@
+"""A block of node features beside prepared graphs: added without preparing them again, resumable, and never stale.
+
+Layout, in the folder of the graphs' recipe (see `sgbd.preparation`)::
+
+    <dataset>-<hash>/node_blocks/<group>-<hash of the block's recipe>/recipe.json
+                                                                     /<split>.lock
+                                                                     /<split>/<name>.safetensors   x [N, M] of a frame
+                                                                     /<split>/index.json           written last
+
+Another block, other weights or other code have another hash. A file holds the fingerprint of the frame that its graph
+was made from, and the index that of all frames of the split: if frames change and their graphs are made anew, so are
+their blocks. The superpixels are those of the graphs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+from filelock import FileLock, Timeout
+from torch_geometric.data import Data
+from tqdm import tqdm
+
+from sgbd.atomic_file import write_whole
+from sgbd.graph_file import (
+    FORMAT_VERSION,
+    SUFFIX,
+    GraphFileError,
+    GraphSummary,
+    cannot_write,
+    read_graph,
+    read_summary,
+    write_graph,
+)
+from sgbd.label_map import unpack
+from sgbd.node_block import NodeBlock
+from sgbd.preparation import INDEX_FILE, RECIPE_FILE, PreparationError, frame_fingerprint, graph_file_name, read_index
+from sgbd.recipe import recipe_hash
+from sgbd.segmenter import node_map
+from sgbd.sources.source import FrameSource
+
+log = logging.getLogger(__name__)
+
+BLOCKS_FOLDER = "node_blocks"
+LABEL_MAP_FIELDS = ("label_map", "image_size", "node_of_superpixel")
+AT_ONCE = 8
+"""Frames that are read, computed and written together."""
+
+
+def prepare_node_block(folder: Path, source: FrameSource, block: NodeBlock, *, progress: bool = True) -> Path:
+    """Compute the block of all prepared graphs of a split, or of those that lack it.
+
+    Killed at any moment, it goes on where it was when it is run again; two processes don't disturb each other.
+
+    Args:
+        folder: What `sgbd.preparation.prepare` returned for this very source.
+        source: The frames of the split.
+        block: What to compute.
+        progress: Whether to show a progress bar.
+
+    Returns:
+        The block's folder, in `folder`.
+
+    Raises:
+        PreparationError: If the split is not prepared, or its frames have changed since.
+        GraphFileError: If a file cannot be written, for instance because the disk is full.
+        sgbd.node_block.MissingWeightsError: If the block's weights are not there.
+    """
+    graphs = read_index(folder / source.split)
+    if graphs is None or graphs["fingerprint"] != source.fingerprint():
+        raise PreparationError(
+            f"the graphs of {source.split} in {folder} are not prepared, or of other frames: prepare them first "
+            "(python -m sgbd.prepare), then the block"
+        )
+    recipe = _block_recipe(block)
+    target = folder / BLOCKS_FOLDER / node_block_folder(block)
+    split = target / source.split
+    if _is_complete(split, graphs):
+        return target
+    try:
+        split.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(target / f"{source.split}.lock")
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            log.info("another process computes %s: waiting until it is done", split)
+            lock.acquire()
+        try:
+            if not _is_complete(split, graphs):
+                _compute(folder, split, graphs, source, block, progress)
+                write_whole(target / RECIPE_FILE, (json.dumps(recipe, indent=2) + "\n").encode())
+                write_whole(split / INDEX_FILE, json.dumps(_index(graphs)).encode())
+        finally:
+            lock.release()
+    except OSError as error:
+        raise PreparationError(cannot_write(split, error)) from error
+    return target
+
+
+def node_block_folder(block: NodeBlock) -> str:
+    """Return the name of a block's folder: its group and ten digits of the hash of its recipe."""
+    return f"{block.group}-{recipe_hash(_block_recipe(block))[:10]}"
+
+
+def find_node_block(folder: Path, group: str, name: str | None = None) -> Path | None:
+    """Return the folder of a block beside the graphs in `folder`.
+
+    Args:
+        folder: Folder of the graphs' recipe.
+        group: The block's group.
+        name: The block's folder name; None for the only one of the group.
+
+    Returns:
+        The folder; None if there is none.
+
+    Raises:
+        PreparationError: If there are several and no name is given.
+    """
+    if name is not None:
+        found = [folder / BLOCKS_FOLDER / name] if (folder / BLOCKS_FOLDER / name / RECIPE_FILE).is_file() else []
+    else:
+        found = sorted(path.parent for path in (folder / BLOCKS_FOLDER).glob(f"{group}-*/{RECIPE_FILE}"))
+    if len(found) > 1:
+        names = ", ".join(path.name for path in found)
+        raise PreparationError(
+            f"{folder} has several blocks of the group {group}: {names}. Give node_block=<one of them>."
+        )
+    return found[0] if found else None
+
+
+def node_block_names(target: Path) -> tuple[str, ...]:
+    """Return the names of a block's columns."""
+    recipe: Mapping[str, Any] = json.loads((target / RECIPE_FILE).read_text(encoding="utf-8"))
+    return tuple(recipe["names"])
+
+
+def is_of_graphs(target: Path, split: str, graphs: Mapping[str, Any]) -> bool:
+    """Say whether a block is complete for a split whose index is `graphs`."""
+    return _is_complete(target / split, graphs)
+
+
+def read_node_block(target: Path, split: str, name: str) -> torch.Tensor:
+    """Read the columns of one frame.
+
+    Returns:
+        float32 [N, M].
+
+    Raises:
+        GraphFileError: If the file is missing or damaged.
+    """
+    x: torch.Tensor = read_graph(target / split / graph_file_name(name)).x
+    return x
+
+
+def _block_recipe(block: NodeBlock) -> dict[str, Any]:
+    return {"format_version": FORMAT_VERSION, "group": block.group, **block.cache_key()}
+
+
+def _compute(
+    folder: Path,
+    split: Path,
+    graphs: Mapping[str, Any],
+    source: FrameSource,
+    block: NodeBlock,
+    progress: bool,
+) -> None:
+    for path in split.glob("*.tmp"):
+        path.unlink()  # of a process that was killed while it wrote
+    place = {name: index for index, name in enumerate(source.names)}
+    pending = [name for name in graphs["names"] if not _is_current(split, folder / source.split, name)]
+    made = len(graphs["names"]) - len(pending)
+    with tqdm(
+        total=len(graphs["names"]),
+        initial=made,
+        desc=f"{block.group} of {source.split}",
+        unit="frame",
+        disable=not progress,
+    ) as bar:
+        for start in range(0, len(pending), AT_ONCE):
+            names = pending[start : start + AT_ONCE]
+            images, label_maps = [], []
+            for name in names:
+                images.append(source[place[name]].rgb)
+                graph = read_graph(folder / source.split / graph_file_name(name), LABEL_MAP_FIELDS)
+                label_map = unpack(graph.label_map, tuple(graph.image_size[0].tolist()))
+                label_maps.append(node_map(label_map, graph))
+            for name, x in zip(names, block(images, label_maps), strict=True):
+                made_from = frame_fingerprint(source, place[name])
+                write_graph(split / graph_file_name(name), Data(x=torch.from_numpy(x)), made_from)
+            bar.update(len(names))
+
+
+def _is_current(split: Path, graphs: Path, name: str) -> bool:
+    """Say whether a frame's block is there, whole, and of the frame that its graph was made from."""
+    file = graph_file_name(name)
+    if not (split / file).is_file():
+        return False
+    block: GraphSummary | None = None
+    with contextlib.suppress(GraphFileError):  # a damaged one is made again
+        block = read_summary(split / file)
+    graph = read_summary(graphs / file)
+    return block is not None and (block.made_from, block.nodes) == (graph.made_from, graph.nodes)
+
+
+def _index(graphs: Mapping[str, Any]) -> dict[str, Any]:
+    return {"format_version": FORMAT_VERSION, "fingerprint": graphs["fingerprint"], "names": graphs["names"]}
+
+
+def _is_complete(split: Path, graphs: Mapping[str, Any]) -> bool:
+    try:
+        index = json.loads((split / INDEX_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    if index != _index(graphs):
+        return False
+    present = {path.name for path in split.iterdir() if path.name.endswith(SUFFIX)}
+    return {graph_file_name(name) for name in graphs["names"]} <= present
