@@ -11,7 +11,7 @@ from sgbd.pipeline import frame_source
 from sgbd.sources.categories import TOD_GROUPS
 from sgbd.sources.split_report import write_split
 from sgbd.sources.tod import Tod
-from sgbd.sources.zero_shot_split import SETS, catalogue, draw_seen, zero_shot_split
+from sgbd.sources.zero_shot_split import catalogue, draw_seen, zero_shot_split
 
 
 @entry_point("split")
@@ -31,7 +31,12 @@ def main(config: DictConfig) -> None:
     split = zero_shot_split(
         frames,
         seen=frozenset(config.seen or draw_seen(groups, config.seed)),
-        sizes={name: config[f"{name}_frames"] for name in SETS},
+        sizes={
+            "train": config.train_frames,
+            "val": config.val_frames,
+            "test_closed": config.test_closed_frames,
+            "test_open": config.test_open_frames,
+        },
         shares=dict(config.scene_shares),
         min_objects=config.min_objects,
         seed=config.seed,

@@ -14,6 +14,7 @@ from omegaconf import OmegaConf
 
 from sgbd.configuration import config_folder
 from sgbd.sources import TOD_CATEGORIES, TODZ_SEEN, FrameSource, Tod
+from sgbd.sources.image import read_labels
 from tests.scenes import scene
 from tests.sources.real_layouts import SCENE_CAMERA, millimetres, save, write_mosd, write_ocid, write_osd
 from tests.test_commands import Command, command, trained  # noqa: F401
@@ -74,6 +75,25 @@ def test_every_dataset_can_be_drawn(dataset: str, tmp_path: Path) -> None:
     titles = [axis.get_title() for axis in source.plot(0).axes]
     assert titles[0] == source.names[0]
     assert "3 objects" in titles
+
+
+def test_semantic_masks_are_written_by_a_command(
+    command: Command,  # noqa: F811
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    write_tod(tmp_path / "tod", scenes=2)
+    options = ("dataset=tod", f"dataset.root={tmp_path / 'tod'}", "workers=0")
+    assert command("semantic_masks", *options, "+dataset.category_names=[can,mug]", "dataset.seen=[can]") == 0
+    told = capsys.readouterr().out
+    assert "train: 2 frames written" in told
+    assert "test: objects of none of the categories, 0 in the masks: 1 bowl" in told
+    mask = read_labels(tmp_path / "tod/training_set/scene_00000/semseg_00002.png")
+    assert np.unique(mask).tolist() == [0, 1, 2, 3]
+    assert command("semantic_masks", *options) == 0
+    assert "train: 2 frames kept" in capsys.readouterr().out
+    assert command("semantic_masks", "dataset=folder", f"dataset.root={tmp_path}", "splits=[test]") == 1
+    assert "not in TOD's layout" in capsys.readouterr().err
 
 
 def test_a_split_is_built_written_and_read(
