@@ -23,7 +23,7 @@ from sgbd.models import EdgeClassifier, ObjectnessHead
 from sgbd.node_block import split_groups
 from sgbd.node_block_cache import node_block_folder
 from sgbd.pipeline import frame_source, prepare_splits, splits_of
-from sgbd.plot import curves_figure
+from sgbd.plot import history_figure
 from sgbd.results import draw_examples, example_frames, write_evaluation, write_figure
 from sgbd.segmenter import Segmenter
 from sgbd.training import Trainer, TrainingResult
@@ -129,7 +129,7 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
         validate=validate,
         loggers=[instantiate(logger) for logger in config.logger.values()],
     )
-    _draw_curves(trained, folder)
+    write_figure(history_figure(trained.history, f"best epoch {trained.best_epoch}"), folder / "curves.png")
     if config.tuning is not None:
         _tune(config, validation, trained.checkpoint, folder)
     outcome = {
@@ -191,12 +191,3 @@ def _test(
     source = frame_source(config.dataset, workers, "test")
     draw_examples(example_frames(evaluation, config.pictures), evaluation, source, segmenter, folder)
     return evaluation
-
-
-def _draw_curves(trained: TrainingResult, folder: Path) -> None:
-    shown = ("loss", "edge_loss", "objectness_loss", "val/overlap_f", "val/unaided/overlap_f", "val/oracle/overlap_f")
-    history = trained.history
-    curves = {
-        name: list(zip(history["epoch"], history[name], strict=True)) for name in shown if name in history.columns
-    }
-    write_figure(curves_figure(curves, f"best epoch {trained.best_epoch}"), folder / "curves.png")

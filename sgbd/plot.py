@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
@@ -117,3 +118,18 @@ def curves_figure(curves: Mapping[str, Sequence[tuple[float, float]]], title: st
             panel.legend(fontsize="small")
     figure.suptitle(title)
     return figure
+
+
+def history_figure(history: pd.DataFrame, title: str = "") -> Figure:
+    """Draw the main training curves.
+
+    Args:
+        history: A row each epoch, as `sgbd.training.Trainer` writes it to `history.csv`.
+        title: Written above.
+
+    Returns:
+        The figure.
+    """
+    shown = ("loss", "edge_loss", "objectness_loss", "val/overlap_f", "val/unaided/overlap_f", "val/oracle/overlap_f")
+    curves = {name: list(zip(history["epoch"], history[name], strict=True)) for name in shown if name in history}
+    return curves_figure(curves, title)

@@ -6,26 +6,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from sgbd.adjacency import border_pairs
 from sgbd.configuration import ConfigurationError
-from sgbd.frame import Frame
 from sgbd.reporting.panels import PANELS, GalleryFrame, encoded, frame_panels, read_index, write_index, write_panels
-from sgbd.segmentation import Segmentation
+from tests.reporting.segmentations import halves
 from tests.scenes import SEEN, scene
-
-
-def halves(frame: Frame, probability: float) -> Segmentation:
-    """Two superpixels side by side with one edge between them, and nothing taken for an object."""
-    superpixels = np.zeros(frame.depth.shape, np.int32)
-    superpixels[:, frame.width // 2 :] = 1
-    return Segmentation(
-        instances=np.zeros_like(superpixels),
-        scores=np.zeros(0, np.float32),
-        objectness=np.zeros(0, np.float32),
-        superpixels=superpixels,
-        edge_index=border_pairs(superpixels),
-        edge_probability=np.array([probability], np.float32),
-    )
 
 
 def test_panels_are_pictures_of_the_frames_size() -> None:

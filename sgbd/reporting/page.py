@@ -1,0 +1,170 @@
+"""The page itself: results put into the template."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import count
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from markupsafe import Markup
+from omegaconf import OmegaConf
+
+from sgbd import __version__
+from sgbd.plot import history_figure
+from sgbd.reporting.figures import curve_comparison, frame_distribution, inline_svg
+from sgbd.reporting.gallery import MEASURES, collect
+from sgbd.reporting.panels import PANELS
+from sgbd.reporting.runs import Results, Run, Sweep
+from sgbd.reporting.tables import (
+    Table,
+    category_comparison,
+    category_table,
+    frame_table,
+    jobs_table,
+    overview_table,
+    protocol_table,
+    score_name,
+    sweep_table,
+)
+from sgbd.sweep import draw, summarize
+
+HEADLINES = ("hm/overlap_f", "all/overlap_f", "all/boundary_f", "unaided/overlap_f", "oracle/overlap_f")
+"""Scores at the top of the page of a single run."""
+
+
+@dataclass(frozen=True)
+class _Figure:
+    svg: Markup
+    caption: str
+
+
+def render(results: Results, *, frame_rows: int, megabytes: float) -> str:
+    """Make the page.
+
+    Args:
+        results: What it is about.
+        frame_rows: Most rows of all tables of frames together.
+        megabytes: Most that the pictures of the gallery may take.
+
+    Returns:
+        HTML that needs nothing else: no network and no other file.
+
+    Raises:
+        ConfigurationError: If a picture is damaged.
+    """
+    runs = results.runs
+    numbers = count()
+    places = {run.label: f"run-{place}" for place, run in enumerate(runs)}
+    gallery = collect(runs, megabytes)
+    share = max(1, frame_rows // max(1, len(runs)))
+
+    def figure(drawn: Any, caption: str) -> list[_Figure]:
+        return [] if drawn is None else [_Figure(Markup(inline_svg(drawn, next(numbers))), caption)]
+
+    def section(run: Run) -> dict[str, Any]:
+        curves = figure(history_figure(run.history), "Training curves") if len(run.history) else []
+        tables = [
+            *([protocol_table(run)] if run.scores else []),
+            *([category_table(run)] if len(run.categories) else []),
+            *([frame_table(run, share, lambda name: gallery.places.get((run.label, name)))] if len(run.frames) else []),
+        ]
+        return {
+            "place": places[run.label],
+            "label": run.label,
+            "facts": _facts(run),
+            "figures": [*curves, *figure(frame_distribution(run), "Overlap F of the frames, the worst first")],
+            "tables": tables,
+            "config": OmegaConf.to_yaml(OmegaConf.create(dict(run.config))) if run.config else "",
+        }
+
+    swept = {run.label for sweep in results.sweeps for run in sweep.runs.values()}
+    single = [run for run in runs if run.label not in swept]
+    return (
+        _environment()
+        .get_template("report.html.j2")
+        .render(
+            title=results.title,
+            version=__version__,
+            headlines=_headlines(runs[0]) if len(runs) == 1 else [],
+            overview=overview_table(single, places) if len(single) > 1 else None,
+            comparison=category_comparison({run.label: [run] for run in single}),
+            sweeps=[
+                {
+                    "label": sweep.label,
+                    "tables": _sweep_tables(sweep, places),
+                    "figures": [
+                        *figure(_sweep_figure(sweep), "Scores of the sweep, with the standard deviation over seeds"),
+                        *figure(
+                            curve_comparison(settings(sweep)), "Validation overlap F over the epochs, mean over seeds"
+                        ),
+                    ],
+                }
+                for sweep in results.sweeps
+            ],
+            sections=[section(run) for run in runs],
+            gallery=gallery,
+            measures={
+                name: title for name, title in MEASURES.items() if any(name in card.scores for card in gallery.cards)
+            },
+            panels=[
+                panel for panel in PANELS if any(p.panel == panel for card in gallery.cards for p in card.pictures)
+            ],
+            gallery_runs=list(dict.fromkeys(card.run for card in gallery.cards)),
+            gallery_datasets=sorted({card.dataset for card in gallery.cards}),
+            grouped=any(card.seen is not None for card in gallery.cards),
+        )
+    )
+
+
+def settings(sweep: Sweep) -> dict[str, list[Run]]:
+    """Return the runs of a sweep by what is varied, without the seed."""
+    varied = summarize(sweep.jobs).attrs["overrides"]
+    groups: dict[str, list[Run]] = {}
+    for row in sweep.jobs.to_dict("records"):
+        if int(row["job"]) in sweep.runs:
+            name = ", ".join(f"{key.rpartition('.')[2]}={row[key]}" for key in varied) or sweep.label
+            groups.setdefault(name, []).append(sweep.runs[int(row["job"])])
+    return groups
+
+
+def _sweep_tables(sweep: Sweep, places: Mapping[str, str]) -> list[Table]:
+    comparison = category_comparison(settings(sweep))
+    return [sweep_table(sweep), *([] if comparison is None else [comparison]), jobs_table(sweep, places)]
+
+
+def _sweep_figure(sweep: Sweep) -> Any:
+    summary = summarize(sweep.jobs)
+    drawn = [name for pattern in sweep.plot for name in fnmatch.filter(sweep.jobs.attrs["scores"], pattern)]
+    return draw(summary, list(dict.fromkeys(drawn))) if drawn and summary["finished"].any() else None
+
+
+def _headlines(run: Run) -> Sequence[tuple[str, str]]:
+    return [(score_name(name), f"{100 * run.scores[name]:.1f}") for name in HEADLINES if name in run.scores]
+
+
+def _facts(run: Run) -> list[tuple[str, str]]:
+    facts = [("Dataset", f"{run.dataset}, {run.split}"), ("Frames", str(len(run.frames)))]
+    model = run.config.get("model")
+    if isinstance(model, Mapping):
+        facts.append(("Model", str(model.get("_target_", "")).rpartition(".")[2]))
+    for key, title in (("parameters", "Parameters"), ("best_epoch", "Best epoch"), ("seconds", "Seconds")):
+        value = run.outcome.get(key)
+        if value is not None:
+            facts.append((title, f"{value:,.0f}"))
+    if run.config.get("checkpoint"):
+        facts.append(("Checkpoint", str(run.config["checkpoint"])))
+    return facts
+
+
+def _environment() -> Environment:
+    # Names come from files and folders of anybody: everything is escaped, unless it was made here as markup.
+    return Environment(
+        loader=PackageLoader("sgbd.reporting"),
+        autoescape=select_autoescape(enabled_extensions=("j2",)),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
