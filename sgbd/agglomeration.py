@@ -90,7 +90,7 @@ class AgglomeratedGraph:
     def __init__(
         self,
         first_stage: Checkpoint | str | Path,
-        threshold: float = 0.85,
+        threshold: float = 0.9,
         reach: float = 0.35,
         min_objectness: float = 0.25,
         min_area: int = 60,
