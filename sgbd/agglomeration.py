@@ -5,8 +5,9 @@ whole surfaces: planes fitted to hundreds of pixels instead of dozens. Its edges
 objects that lie near each other without touching, so that the two ends of a box behind a bottle can become one object,
 which no partition of touching superpixels can give.
 
-Beside the columns of every graph there are what the first stage thinks of each border, and what lies on the line of
-sight between two segments: something nearer may hide a connection, something farther shows that there is none.
+Beside the columns of every graph there are what the first stage thinks of each border, what lies on the line of sight
+between two segments (something nearer may hide a connection, something farther shows that there is none), and how well
+the two would go on into each other.
 """
 
 from __future__ import annotations
@@ -14,21 +15,26 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-import torch
-from torch_geometric.data import Data
 
 from sgbd.adjacency import LabelMap, Pairs, border_pairs
 from sgbd.checkpoint import Checkpoint, CheckpointError
 from sgbd.features import NODE_NAMES
 from sgbd.frame import Frame
-from sgbd.graph import build_graph
+from sgbd.graph import as_data
+from sgbd.graph_arrays import GraphArrays, graph_arrays
 from sgbd.partition import GreedyMulticut
 from sgbd.segmentation import Classification, classify
 from sgbd.segmenter import Segmenter
 from sgbd.torch_threads import torch_threads
+
+if TYPE_CHECKING:
+    from torch_geometric.data import Data
+
+Floats = npt.NDArray[np.float64]
 
 NODE_COLUMNS = ("objectness",)
 EDGE_COLUMNS = (
@@ -42,6 +48,9 @@ EDGE_COLUMNS = (
     "sight_missing",
     "sight_nearer",
     "sight_farther",
+    "color_overlap",
+    "width_difference",
+    "relative_distance",
 )
 """Columns after those of `sgbd.features`:
 
@@ -52,6 +61,10 @@ EDGE_COLUMNS = (
 - relative_border: border length by the square root of the smaller area.
 - sight_own, sight_missing, sight_nearer, sight_farther: shares of the points on the straight line between the
   centroids, in the image, that belong to the two, have no depth, and are nearer or farther than the line in space.
+- color_overlap: intersection of their colour histograms, 0 to 1 (M. J. Swain, D. H. Ballard, "Color indexing", IJCV
+  7(1), 1991, doi:10.1007/BF00130487).
+- width_difference: how much their widths across that line differ, as the size of the logarithm of their ratio.
+- relative_distance: log1p of the distance of their centroids in the image by the sum of their lengths along it.
 """
 
 SIGHT_POINTS = 24
@@ -59,6 +72,10 @@ SIGHT_MARGIN = 0.012
 """Metres by which a point must differ from the line to count as nearer or farther."""
 CERTAIN = 1e-4
 """Merge probabilities are clipped to this distance from 0 and 1 before their logits are averaged."""
+STRIDE = 3
+"""Colours and extents are measured on every so many rows and columns."""
+BINS = 4
+"""Of a histogram, for each colour channel."""
 
 
 class AgglomeratedGraph:
@@ -134,13 +151,22 @@ class AgglomeratedGraph:
     def __call__(
         self, frame: Frame, label_map: LabelMap, category_names: Sequence[str] = (), *, store_maps: bool = True
     ) -> Data:
-        """Build the graph of a frame; arguments as of `sgbd.graph.build_graph`.
+        """Build the graph of a frame as PyG's `Data`; arguments and errors as `arrays`."""
+        return as_data(self.arrays(frame, label_map, category_names, store_maps=store_maps))
+
+    def arrays(
+        self, frame: Frame, label_map: LabelMap, category_names: Sequence[str] = (), *, store_maps: bool = True
+    ) -> GraphArrays:
+        """Build the graph of a frame.
 
         Args:
             frame: The frame.
             label_map: int32 [H, W], its superpixels, made as the first stage's recipe says.
             category_names: All categories of the dataset.
             store_maps: Pack the map of the segments and the truth into the graph.
+
+        Returns:
+            Its fields.
 
         Raises:
             sgbd.checkpoint.CheckpointError: If no first stage has been provided.
@@ -151,64 +177,103 @@ class AgglomeratedGraph:
                 "give graph.first_stage=<checkpoint.safetensors>"
             )
         first = self._segmenter
-        fine = first.build_graph(frame, label_map)
+        fine = first.graph_tensors(frame, label_map)
         with torch_threads(first.threads):
-            classification = classify(first.model, first.objectness, fine)
-        pairs = fine.edge_label_index.cpu().numpy()
-        length = fine.border_length.cpu().numpy()
-        area = fine.area.cpu().numpy()
-        segment = self._partition(len(area), pairs, classification.edge_probability, length)
+            said = classify(first.model, first.objectness, fine)
+        pairs, length, area = (field.cpu().numpy() for field in (fine.edge_label_index, fine.border_length, fine.area))
+        segment = self._partition(len(area), pairs, said.edge_probability, length)
         count = int(segment.max()) + 1
         pixels = np.bincount(segment, area, count).astype(np.int64)
-        objectness = np.bincount(segment, area * classification.objectness, count) / pixels
+        objectness = np.bincount(segment, area * said.objectness, count) / pixels
 
         coarse_map = segment.astype(np.int32)[label_map]
-        touching = border_pairs(coarse_map)
-        data = build_graph(frame, coarse_map, category_names=category_names, store_maps=store_maps)
+        samples = Samples(frame, coarse_map, count)
         objects = np.nonzero((objectness >= self.min_objectness) & (pixels >= self.min_area))[0]
-        wanted = self._joined(touching, objects, data)
-        if wanted.shape != touching.shape:
-            data = build_graph(frame, coarse_map, lambda _: wanted, category_names, store_maps=store_maps)
-        forth = edge_columns(frame, coarse_map, data, wanted, (pairs, length, segment), classification, pixels)
-        both = torch.from_numpy(np.concatenate([forth, forth]))
-        data.edge_attr = torch.cat([data.edge_attr, both], dim=1)
-        data.x = torch.cat([data.x, torch.from_numpy(objectness[:, None].astype(np.float32))], dim=1)
-        data.border_length = torch.from_numpy(np.sqrt(pixels[wanted].min(0)).astype(np.float32))
-        data.node_of_superpixel = torch.from_numpy(segment)
-        return data
 
-    def _joined(self, touching: Pairs, objects: npt.NDArray[np.int64], data: Data) -> Pairs:
-        """Add the pairs of objects within reach to those that touch."""
-        position = data.x[:, _columns("scene_x", "scene_y", "scene_z")].numpy()[objects]
-        i, j = np.triu_indices(len(objects), 1)
-        near = np.linalg.norm(position[i] - position[j], axis=1) < self.reach
-        count = data.x.size(0)
-        keys = np.concatenate([touching[0] * count + touching[1], objects[i[near]] * count + objects[j[near]]])
-        return np.stack(np.divmod(np.unique(keys), count))
+        def joined(segments: LabelMap) -> Pairs:
+            """Add the pairs of objects within reach to those that touch."""
+            touching = border_pairs(segments)
+            i, j = np.triu_indices(len(objects), 1)
+            i, j = objects[i], objects[j]
+            near = np.linalg.norm(samples.position[i] - samples.position[j], axis=1) < self.reach
+            keys = np.concatenate([touching[0] * count + touching[1], i[near] * count + j[near]])
+            return np.stack(np.divmod(np.unique(keys), count))
+
+        graph = graph_arrays(frame, coarse_map, joined, category_names, store_maps=store_maps)
+        x, edge_attr, wanted = (np.asarray(graph[field]) for field in ("x", "edge_attr", "edge_label_index"))
+        forth = np.concatenate(
+            [
+                evidence(wanted, (pairs, length, segment), said, pixels),
+                sight(frame, coarse_map, x, wanted),
+                continuation(samples, wanted),
+            ],
+            axis=1,
+        ).astype(np.float32)
+        graph["edge_attr"] = np.concatenate([edge_attr, np.concatenate([forth, forth])], axis=1)
+        graph["x"] = np.concatenate([x, objectness[:, None].astype(np.float32)], axis=1)
+        graph["border_length"] = np.sqrt(pixels[wanted].min(0)).astype(np.float32)
+        graph["node_of_superpixel"] = segment
+        return graph
 
 
-def edge_columns(
-    frame: Frame,
-    label_map: LabelMap,
-    data: Data,
-    wanted: Pairs,
-    fine: tuple[Pairs, npt.NDArray[np.float32], npt.NDArray[np.int64]],
-    classification: Classification,
-    pixels: npt.NDArray[np.int64],
-) -> npt.NDArray[np.float32]:
-    """Compute `EDGE_COLUMNS`.
+class Samples:
+    """Where segments lie and what colours they have, on a coarse grid of pixels.
 
     Args:
         frame: The frame.
         label_map: int32 [H, W], its segments.
-        data: Their graph.
+        count: Their number S.
+
+    Attributes:
+        position: float64 [S, 3], mean point in camera coordinates, metres; NaN without depth.
+        center: float64 [S, 2], mean column and row.
+        covariance: float64 [S, 2, 2], of column and row.
+        colors: float64 [S, 64], share of the pixels in each bin of a histogram of red, green and blue.
+    """
+
+    def __init__(self, frame: Frame, label_map: LabelMap, count: int) -> None:
+        grid = np.s_[STRIDE // 2 :: STRIDE, STRIDE // 2 :: STRIDE]
+        owner, depth = label_map[grid].ravel(), frame.depth[grid].ravel().astype(np.float64)
+        rows, columns = (axis[grid].ravel().astype(np.float64) for axis in np.mgrid[: frame.height, : frame.width])
+        pixels = np.maximum(np.bincount(owner, minlength=count), 1)
+
+        def mean(values: Floats) -> Floats:
+            return np.bincount(owner, values, count) / pixels
+
+        self.center = np.stack([mean(columns), mean(rows)], axis=1)
+        moments = [mean(columns * columns), mean(columns * rows), mean(rows * rows)]
+        products = [self.center[:, 0] ** 2, self.center[:, 0] * self.center[:, 1], self.center[:, 1] ** 2]
+        xx, xy, yy = (moment - product for moment, product in zip(moments, products, strict=True))
+        self.covariance = np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2)
+        camera = frame.camera
+        points = np.stack(
+            [(columns - camera.cx) / camera.fx * depth, (rows - camera.cy) / camera.fy * depth, depth], axis=1
+        )
+        valid = np.bincount(owner, depth > 0, count)
+        with np.errstate(invalid="ignore"):
+            self.position = np.stack([np.bincount(owner, axis, count) / valid for axis in points.T], axis=1)
+        level = frame.rgb[grid].reshape(-1, 3).astype(np.int64) * BINS // 256
+        bins = (level[:, 0] * BINS + level[:, 1]) * BINS + level[:, 2]
+        histogram = np.bincount(owner * BINS**3 + bins, minlength=count * BINS**3).reshape(count, BINS**3)
+        self.colors = histogram / pixels[:, None]
+
+
+def evidence(
+    wanted: Pairs,
+    fine: tuple[Pairs, npt.NDArray[np.float32], npt.NDArray[np.int64]],
+    said: Classification,
+    pixels: npt.NDArray[np.int64],
+) -> Floats:
+    """Sum up what the first stage says of each border.
+
+    Args:
         wanted: int64 [2, E], pairs of segments, i < j, sorted.
         fine: Pairs of superpixels int64 [2, e], the lengths of their borders [e], and the segment of each [M].
-        classification: What the first stage says of these pairs.
+        said: What the first stage says of these pairs.
         pixels: int64 [S], size of each segment.
 
     Returns:
-        float32 [E, 10].
+        float64 [E, 6], the columns from touching to relative_border.
     """
     fine_pairs, length, segment = fine
     count = len(pixels)
@@ -216,7 +281,7 @@ def edge_columns(
     ends = np.sort(segment[fine_pairs], axis=0)
     across = ends[0] != ends[1]
     place = np.searchsorted(keys, ends[0, across] * count + ends[1, across])
-    clipped = np.clip(classification.edge_probability[across].astype(np.float64), CERTAIN, 1 - CERTAIN)
+    clipped = np.clip(said.edge_probability[across].astype(np.float64), CERTAIN, 1 - CERTAIN)
     logit = np.log(clipped / (1 - clipped))
     # Superpixels may be paired without a common border, if the first stage was trained on such pairs.
     border = np.maximum(length[across], 1)
@@ -233,25 +298,24 @@ def edge_columns(
             np.log(smaller),
             np.log(larger),
             total / np.sqrt(smaller),
-            sight(frame, label_map, data, wanted),
         ]
-    ).astype(np.float32)
+    )
 
 
-def sight(frame: Frame, label_map: LabelMap, data: Data, pairs: Pairs) -> npt.NDArray[np.float64]:
+def sight(frame: Frame, label_map: LabelMap, x: npt.NDArray[np.float32], pairs: Pairs) -> Floats:
     """Look along the lines between the centroids of pairs of segments.
 
     Args:
         frame: The frame.
         label_map: int32 [H, W], its segments.
-        data: Their graph.
+        x: float32 [S, F], their features as of `sgbd.features`.
         pairs: int64 [2, E].
 
     Returns:
         float64 [E, 4]: shares of the points between the two that belong to them, have no depth, are nearer, and are
         farther than the line; a plane between them has none of the last two.
     """
-    place = data.x[:, _columns("centroid_x", "centroid_y", "depth")].numpy().astype(np.float64)
+    place = x[:, [NODE_NAMES.index(name) for name in ("centroid_x", "centroid_y", "depth")]].astype(np.float64)
     known = frame.depth[frame.depth > 0]
     near, far = (float(known.min()), float(known.max())) if known.size else (1.0, 1.0)
     depth = np.maximum(near + place[:, 2] * (far - near), 1e-3)
@@ -259,7 +323,7 @@ def sight(frame: Frame, label_map: LabelMap, data: Data, pairs: Pairs) -> npt.ND
     step = (np.arange(1, SIGHT_POINTS) / SIGHT_POINTS)[None]
     i, j = pairs[0][:, None], pairs[1][:, None]
 
-    def between(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def between(values: Floats) -> Floats:
         return values[i] * (1 - step) + values[j] * step
 
     rows = np.clip(np.rint(between(row)), 0, frame.height - 1).astype(int)
@@ -274,5 +338,28 @@ def sight(frame: Frame, label_map: LabelMap, data: Data, pairs: Pairs) -> npt.ND
     return np.stack([share.mean(1) for share in (own, missing, nearer, farther)], axis=1)
 
 
-def _columns(*names: str) -> list[int]:
-    return [NODE_NAMES.index(name) for name in names]
+def continuation(samples: Samples, pairs: Pairs) -> Floats:
+    """Compare the two segments of each pair as possible ends of one object.
+
+    Args:
+        samples: Extents and colours of the segments.
+        pairs: int64 [2, E].
+
+    Returns:
+        float64 [E, 3]: color_overlap, width_difference and relative_distance.
+    """
+    i, j = pairs
+    overlap = np.minimum(samples.colors[i], samples.colors[j]).sum(1)
+    between = samples.center[j] - samples.center[i]
+    distance = np.linalg.norm(between, axis=1)
+    along = between / np.maximum(distance, 1e-9)[:, None]
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+
+    def extent(segment: npt.NDArray[np.int64], direction: Floats) -> Floats:
+        variance = np.einsum("ea,eab,eb->e", direction, samples.covariance[segment], direction)
+        # Nothing is thinner than a pixel.
+        return np.sqrt(np.maximum(variance, 1.0))
+
+    width = np.abs(np.log(extent(i, across) / extent(j, across)))
+    length = extent(i, along) + extent(j, along)
+    return np.stack([overlap, width, np.log1p(distance / length)], axis=1)

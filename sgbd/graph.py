@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from sgbd.adjacency import Adjacency, LabelMap, border_pairs
@@ -54,6 +54,18 @@ class GraphBuilder:
     ) -> Data:
         """Build the graph of a frame; see `build_graph`."""
         return build_graph(frame, label_map, self.adjacency, category_names, store_maps=store_maps)
+
+
+def array_builder(graph: object) -> Callable[..., GraphArrays] | None:
+    """Return what builds a frame's graph without PyG, or None if there is no such thing.
+
+    Args:
+        graph: Frame and label map to graph. A builder of this package has a method `arrays`; that of a user's subclass
+            may not do what its `__call__` does, and is not returned.
+    """
+    if not type(graph).__module__.startswith("sgbd."):
+        return None
+    return getattr(graph, "arrays", None)
 
 
 def build_graph(

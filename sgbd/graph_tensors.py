@@ -7,7 +7,9 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
+from sgbd.features import EDGE_NAMES, NODE_NAMES
 from sgbd.graph_arrays import GraphArrays
+from sgbd.own_columns import with_own_columns
 
 
 class GraphTensors:
@@ -18,7 +20,7 @@ class GraphTensors:
     Args:
         graph: The graph; the tensors share its memory.
         node_columns: Columns of `x` to take.
-        edge_columns: Columns of `edge_attr` to take.
+        edge_columns: Columns of `edge_attr` to take. Either way, a builder's own columns are taken, too.
 
     Attributes:
         x: float32 [N, F], node features.
@@ -28,19 +30,22 @@ class GraphTensors:
         border_length: float32 [E].
         area: int64 [N].
         name: The frame's name.
+        node_of_superpixel: int64 [M], the node of each superpixel, if the nodes are segments of a first stage
+            (`sgbd.agglomeration`), else None.
     """
 
     def __init__(self, graph: GraphArrays, node_columns: Sequence[int], edge_columns: Sequence[int]) -> None:
         def tensor(field: str) -> Tensor:
             return torch.from_numpy(graph[field])
 
-        self.x = _columns(tensor("x"), node_columns)
+        self.x = _columns(tensor("x"), node_columns, len(NODE_NAMES))
         self.edge_index = tensor("edge_index")
-        self.edge_attr = _columns(tensor("edge_attr"), edge_columns)
+        self.edge_attr = _columns(tensor("edge_attr"), edge_columns, len(EDGE_NAMES))
         self.edge_label_index = tensor("edge_label_index")
         self.border_length = tensor("border_length")
         self.area = tensor("area")
         self.name = graph["name"]
+        self.node_of_superpixel = tensor("node_of_superpixel") if "node_of_superpixel" in graph else None
 
     @property
     def num_nodes(self) -> int:
@@ -55,5 +60,6 @@ class GraphTensors:
         return self
 
 
-def _columns(matrix: Tensor, columns: Sequence[int]) -> Tensor:
-    return matrix if len(columns) == matrix.size(1) else matrix[:, columns]
+def _columns(matrix: Tensor, columns: Sequence[int], declared: int) -> Tensor:
+    kept = with_own_columns(columns, declared, matrix.size(1))
+    return matrix if len(kept) == matrix.size(1) else matrix[:, kept]

@@ -35,7 +35,7 @@ from sgbd.adjacency import LabelMap
 from sgbd.atomic_file import write_whole
 from sgbd.features import EDGE_NAMES, NODE_NAMES
 from sgbd.frame import Frame
-from sgbd.graph import GraphBuilder
+from sgbd.graph import array_builder
 from sgbd.graph_arrays import GraphArrays
 from sgbd.graph_file import (
     FORMAT_VERSION,
@@ -119,7 +119,7 @@ class _FrameToGraphFile:
 
     def _build(self, frame: Frame, label_map: LabelMap) -> Data | GraphArrays:
         # The usual way needs neither PyTorch nor PyG, which so stay out of the workers.
-        build = self.graph.arrays if type(self.graph) is GraphBuilder else self.graph
+        build = array_builder(self.graph) or self.graph
         return build(frame, label_map, category_names=self.source.category_names)
 
 

@@ -16,7 +16,7 @@ from sgbd.adjacency import LabelMap
 from sgbd.checkpoint import Checkpoint, CheckpointError, instantiate
 from sgbd.features import EDGE_NAMES, NODE_NAMES, edge_columns, node_columns
 from sgbd.frame import Frame, Intrinsics
-from sgbd.graph import GraphBuilder
+from sgbd.graph import GraphBuilder, array_builder
 from sgbd.graph_tensors import GraphTensors
 from sgbd.node_block import NodeBlock, required_block, split_groups
 from sgbd.own_columns import with_own_columns
@@ -171,11 +171,10 @@ class Segmenter:
             The graph; a `Data` where the builder or a network is of a user's own making.
         """
         networks = [network for network in (self.model, self.objectness) if network is not None]
-        plain = type(self.graph) is GraphBuilder and self.node_block is None
-        if not plain or not all(map(_reads_fields_only, networks)):
+        build = array_builder(self.graph)
+        if build is None or self.node_block is not None or not all(map(_reads_fields_only, networks)):
             return self.build_graph(frame, label_map)
-        arrays = self.graph.arrays(frame, label_map, store_maps=False)
-        return GraphTensors(arrays, self._node_columns, self._edge_columns)
+        return GraphTensors(build(frame, label_map, store_maps=False), self._node_columns, self._edge_columns)
 
 
 def _reads_fields_only(network: nn.Module) -> bool:
@@ -193,9 +192,10 @@ def node_map(label_map: LabelMap, data: Data | GraphTensors) -> LabelMap:
     Returns:
         int32 [H, W]: the superpixels themselves, or the segments of a first stage (`sgbd.agglomeration`).
     """
-    if isinstance(data, GraphTensors) or "node_of_superpixel" not in data:
+    node_of_superpixel = getattr(data, "node_of_superpixel", None)
+    if node_of_superpixel is None:
         return label_map
-    nodes: LabelMap = data.node_of_superpixel.numpy().astype(np.int32)[label_map]
+    nodes: LabelMap = node_of_superpixel.cpu().numpy().astype(np.int32)[label_map]
     return nodes
 
 

@@ -7,11 +7,20 @@ import pytest
 import torch
 
 from sgbd import Segmenter
-from sgbd.agglomeration import EDGE_COLUMNS, NODE_COLUMNS, AgglomeratedGraph, edge_columns, sight
+from sgbd.agglomeration import (
+    EDGE_COLUMNS,
+    NODE_COLUMNS,
+    STRIDE,
+    AgglomeratedGraph,
+    Samples,
+    continuation,
+    evidence,
+    sight,
+)
 from sgbd.checkpoint import Checkpoint, CheckpointError
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.features import EDGE_NAMES, NODE_NAMES
-from sgbd.frame import Frame
+from sgbd.frame import Frame, Intrinsics
 from sgbd.graph import GraphBuilder, build_graph
 from sgbd.label_map import unpack
 from sgbd.models import ObjectnessHead, SharedMLP
@@ -87,10 +96,11 @@ def test_pairs_that_touch_keep_their_features_and_others_within_reach_join_them(
             assert torch.equal(joined.edge_attr[row], touching.edge_attr[few[pair]])
         smaller = min(joined.area[list(pair)].tolist())
         assert joined.border_length[row] == pytest.approx(smaller**0.5)
-    positions = joined.x[:, [NODE_NAMES.index(f"scene_{axis}") for axis in "xyz"]]
+    segments = unpack(joined.label_map, (frame.height, frame.width))
+    positions = Samples(frame, segments, len(joined.area)).position
     for i in range(len(positions)):
         for j in range(i + 1, len(positions)):
-            near = (positions[i] - positions[j]).norm() < 0.3
+            near = np.linalg.norm(positions[i] - positions[j]) < 0.3
             assert ((i, j) in many) == bool(near or (i, j) in few)
 
 
@@ -114,7 +124,7 @@ def wall_with_a_post() -> tuple[Frame, np.ndarray]:
 def test_what_hides_a_connection_is_nearer_than_the_line_of_sight() -> None:
     frame, label_map = wall_with_a_post()
     data = build_graph(frame, label_map)
-    own, missing, nearer, farther = sight(frame, label_map, data, np.array([[0], [2]]))[0]
+    own, missing, nearer, farther = sight(frame, label_map, data.x.numpy(), np.array([[0], [2]]))[0]
     # The centroids are 32 pixels apart, half of which the post hides.
     assert own + nearer == pytest.approx(1)
     assert nearer == pytest.approx(0.5, abs=0.05)
@@ -126,36 +136,57 @@ def test_a_gap_shows_what_lies_behind_it_or_nothing() -> None:
     for behind, column in ((3.0, 3), (0.0, 1)):
         frame.depth.flags.writeable = True
         frame.depth[:, 16:32] = behind
-        shares = sight(frame, label_map, build_graph(frame, label_map), np.array([[0], [2]]))[0]
+        data = build_graph(frame, label_map)
+        shares = sight(frame, label_map, data.x.numpy(), np.array([[0], [2]]))[0]
         assert shares[column] == pytest.approx(0.5, abs=0.05)
         assert shares[0] + shares[column] == pytest.approx(1)
 
 
 def test_logits_of_the_first_stage_are_averaged_along_the_border() -> None:
-    frame, label_map = wall_with_a_post()
-    data = build_graph(frame, label_map)
     # Superpixels 0 and 1 became segment 0, 2 segment 1, and 3 segment 2.
     segment = np.array([0, 0, 1, 2])
     pairs = np.array([[0, 0, 1, 2], [1, 2, 2, 3]])
     length = np.array([5.0, 2.0, 6.0, 8.0], np.float32)
     probability = np.array([0.9, 0.5, 0.2, 0.7], np.float32)
     wanted = np.array([[0, 0, 1], [1, 2, 2]])
-    columns = edge_columns(
-        frame,
-        label_map,
-        data,
-        wanted,
-        (pairs, length, segment),
-        Classification(probability, None),
-        np.array([16, 64, 256]),
-    )
+    columns = evidence(wanted, (pairs, length, segment), Classification(probability, None), np.array([16, 64, 256]))
     logit = np.log(probability / (1 - probability))
     expected = [
         [1, (2 * logit[1] + 6 * logit[2]) / 8, logit[1], np.log(16), np.log(64), 8 / 4],
         [0, 0, 0, np.log(16), np.log(256), 0],
         [1, logit[3], logit[3], np.log(64), np.log(256), 8 / 8],
     ]
-    assert columns[:, :6] == pytest.approx(np.array(expected), abs=1e-5)
+    assert columns == pytest.approx(np.array(expected), abs=1e-5)
+
+
+def test_ends_of_one_object_have_its_colors_and_its_width() -> None:
+    size = 20 * STRIDE
+    rgb, label_map = np.zeros((size, 3 * size, 3), np.uint8), np.full((size, 3 * size), 3, np.int32)
+    # Two equal bars on one line, and a bar of another colour and twice their width.
+    for number, (column, row, width, color) in enumerate(((0, 2, 4, 200), (2, 2, 4, 200), (1, 0, 8, 20))):
+        bar = np.s_[row * STRIDE : (row + width) * STRIDE, column * size : (column + 1) * size]
+        label_map[bar], rgb[bar] = number, color
+    frame = Frame(rgb, np.full(label_map.shape, 1.0, np.float32), None)
+    same, other = continuation(Samples(frame, label_map, 4), np.array([[0, 0], [1, 2]]))
+    assert same[:2] == pytest.approx([1, 0])
+    assert other[0] == 0
+    # The variance of n pixels in a row is (n^2 - 1) / 12, on the grid of every third one.
+    spread = np.sqrt(np.array([4, 8]) ** 2 - 1.0)
+    assert other[1] == pytest.approx(np.log(spread[1] / spread[0]))
+    length = 2 * STRIDE * np.sqrt((20**2 - 1) / 12)
+    assert same[2] == pytest.approx(np.log1p(2 * size / length))
+
+
+def test_samples_hold_the_mean_point_of_what_has_depth() -> None:
+    depth = np.zeros((2 * STRIDE, 4 * STRIDE), np.float32)
+    depth[:, : 2 * STRIDE] = 2.0
+    label_map = np.zeros(depth.shape, np.int32)
+    label_map[:, 3 * STRIDE :] = 1
+    camera = Intrinsics(10.0, 20.0, 1.0, 1.0)
+    samples = Samples(Frame(np.zeros((*depth.shape, 3), np.uint8), depth, camera), label_map, 2)
+    # The grid's columns and rows with depth are 1 and 4.
+    assert samples.position[0] == pytest.approx([(2.5 - 1) / 10 * 2, (2.5 - 1) / 20 * 2, 2])
+    assert np.isnan(samples.position[1]).all()
 
 
 def test_a_second_stage_is_one_file_with_its_first(first: Checkpoint, graph: AgglomeratedGraph, tmp_path: Path) -> None:
@@ -169,7 +200,7 @@ def test_a_second_stage_is_one_file_with_its_first(first: Checkpoint, graph: Agg
     segmenter = Segmenter.load(path)
     folder = prepare(Scenes("test"), segmenter.superpixels, segmenter.graph, tmp_path / "graphs", workers=0)
     graphs = SuperpixelGraphDataset(folder, "test", FEATURES["node"], FEATURES["edge"])
-    assert (graphs.node_channels, graphs.edge_channels) == (5, 14)
+    assert (graphs.node_channels, graphs.edge_channels) == (5, 17)
     again.require(superpixels=graphs.recipe["superpixels"], graph=graphs.recipe["graph"])
     for frame, data in zip(Scenes("test"), graphs, strict=True):
         assert data.x.shape[1] == 5
