@@ -70,7 +70,7 @@ class ObjectnessHead(nn.Module):
         if graph is None:
             whole = x.mean(0, keepdim=True).expand_as(x)
         else:
-            whole = mean_by(graph, x, int(data.num_graphs)).index_select(0, graph)
+            whole = mean_by(graph, x, data.ptr.numel() - 1).index_select(0, graph)
         logits: Tensor = self.mlp(torch.cat([x, around, whole], dim=1))
         return logits.squeeze(1)
 
