@@ -116,12 +116,14 @@ def score_label_map(
     aided = objects_by_majority(table)
     aided = aided[aided != NOT_AN_OBJECT]
     own = objects_by_label(table, first=NOT_AN_OBJECT + 1)
-    maps = {"prediction": prediction, "truth": frame.instances} if boundaries else {}
+    predicted, truth = (prediction, frame.instances) if boundaries else (None, None)
     return ScoredFrame(
         GraphScores(
-            all=score_frame(table, aided, **maps, name=frame.name),
-            unaided=score_frame(table, own, **maps, name=frame.name) if decides_objects else None,
-            by_category=category_scores(table, frame.categories, *maps.values()),
+            all=score_frame(table, aided, prediction=predicted, truth=truth, name=frame.name),
+            unaided=(
+                score_frame(table, own, prediction=predicted, truth=truth, name=frame.name) if decides_objects else None
+            ),
+            by_category=category_scores(table, frame.categories, predicted, truth),
             oracle_by_category=None,
         ),
         classify_failures(table, own if decides_objects else aided, name=frame.name),
