@@ -1,16 +1,16 @@
 from __future__ import annotations
 
-import os
+import logging
 import re
 import shutil
-import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from hydra.core.hydra_config import HydraConfig
 
-from sgbd.report import with_folder
+from sgbd.report import main, with_folder
 from sgbd.reporting.page import render
 from sgbd.reporting.runs import read_results
 from tests.reporting.result_folders import write_run, write_sweep
@@ -66,23 +66,41 @@ def test_a_folder_needs_no_key(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert with_folder(unchanged) == unchanged
 
 
-def run(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "sgbd.report", *arguments]
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1]), "HYDRA_FULL_ERROR": "0"}
-    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=300, check=False)
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[..., int]]:
+    """Run the command in this process and return its exit status; what Hydra leaves behind is taken away again."""
+    handlers, level = logging.root.handlers[:], logging.root.level
+
+    def run(*arguments: str) -> int:
+        monkeypatch.setattr(sys, "argv", ["report", *arguments])
+        try:
+            main()
+        except SystemExit as end:
+            return int(end.code or 0)
+        return 0
+
+    yield run
+    logging.root.handlers[:] = handlers
+    logging.root.setLevel(level)
+    HydraConfig.instance().cfg = None
 
 
-def test_the_command_writes_one_file_and_explains_what_it_cannot_do(tmp_path: Path) -> None:
+def test_the_command_writes_one_file_and_explains_what_it_cannot_do(
+    command: Callable[..., int],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     write_sweep(tmp_path / "sweep=1", {"rgb": None})
     (tmp_path / "here").mkdir()
-    done = run("../sweep=1", "output=page.html", cwd=tmp_path / "here")
-    assert done.returncode == 0, done.stderr
+    monkeypatch.chdir(tmp_path / "here")
+    assert command("../sweep=1", "output=page.html") == 0
     assert [path.name for path in (tmp_path / "here").iterdir()] == ["page.html"]
     assert "Sweep sweep=1" in (tmp_path / "here/page.html").read_text()
-    failed = run("nowhere", cwd=tmp_path)
-    assert failed.returncode == 1
-    assert "nowhere does not exist; expected the folder of a training" in failed.stderr
-    assert "Traceback" not in failed.stderr
+    assert command("nowhere") == 1
+    told = capsys.readouterr().err
+    assert "nowhere does not exist; expected the folder of a training" in told
+    assert "Traceback" not in told
 
 
 # --- the page in a browser

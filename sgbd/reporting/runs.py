@@ -201,7 +201,8 @@ def _read_sweep(folder: Path, label: str, prefix: str) -> Sweep:
 def _read_table(path: Path, index: str | None = None) -> pd.DataFrame:
     try:
         # Names are text, also where a frame is called 7 or nan.
-        return pd.read_csv(path, index_col=index, converters={index: str} if index else None)
+        table = pd.read_csv(path, dtype={index: str} if index else None, keep_default_na=False, na_values=[""])
+        return table if index is None else table.set_index(index)
     except FileNotFoundError:
         return pd.DataFrame()
     except (ValueError, LookupError) as error:
