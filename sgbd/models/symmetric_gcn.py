@@ -179,11 +179,11 @@ def undirected(edge_index: Tensor, edge_attr: Tensor, num_nodes: int) -> tuple[T
     forth, back = ahead.nonzero().squeeze(1), (~ahead).nonzero().squeeze(1)
     pairs, opposite = edge_index.index_select(1, forth), edge_index.index_select(1, back).flip(0)
     if pairs.shape != opposite.shape or not torch.equal(pairs, opposite):
-        try:
-            if pairs.shape != opposite.shape:
-                raise ValueError(f"{pairs.size(1)} edges lead one way and {opposite.size(1)} the other")
-            back = back.index_select(0, edge_positions(opposite, pairs, num_nodes))
-        except ValueError as error:
-            raise ValueError(f"every edge needs its opposite in edge_index: {error}") from error
+        keys, opposite_keys = (ends[0] * num_nodes + ends[1] for ends in (pairs, opposite))
+        alone = torch.cat([forth[~torch.isin(keys, opposite_keys)], back[~torch.isin(opposite_keys, keys)]])
+        if alone.numel():
+            edge = tuple(edge_index[:, alone[0]].tolist())
+            raise ValueError(f"every edge needs its opposite in edge_index; the edge {edge} has none")
+        back = back.index_select(0, edge_positions(opposite, pairs, num_nodes))
     there, here = edge_attr.index_select(0, forth), edge_attr.index_select(0, back)
     return pairs, torch.cat([(there + here) / 2, (there - here).abs() / 2], dim=1)
