@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -26,7 +27,7 @@ class EdgeLoss:
         balanced: Weight both classes alike, however many pairs each has in the batch.
 
     Raises:
-        ValueError: On construction, if gamma is negative.
+        ValueError: On construction, if gamma is negative or not finite.
     """
 
     gamma: float = 0.0
@@ -34,8 +35,8 @@ class EdgeLoss:
 
     def __post_init__(self) -> None:
         """Check gamma."""
-        if not self.gamma >= 0:
-            raise ValueError(f"the edge loss's gamma must be 0 or more; got {self.gamma}")
+        if not 0 <= self.gamma < math.inf:
+            raise ValueError(f"the edge loss's gamma must be a finite number of at least 0; got {self.gamma}")
 
     def __call__(self, logits: Tensor, labels: Tensor, weight: Tensor | None = None) -> Tensor:
         """Return the mean loss.
@@ -52,7 +53,9 @@ class EdgeLoss:
             return binary_cross_entropy_with_logits(logits, labels)
         loss = binary_cross_entropy_with_logits(logits, labels, reduction="none")
         if self.gamma > 0:
-            loss = loss * (1 - torch.exp(-loss)) ** self.gamma
+            # Away from 0, where a power below 1 has no finite gradient: a sure and right pair would make it NaN.
+            wrong = -torch.expm1(-loss)
+            loss = loss * wrong.clamp(min=1e-12) ** self.gamma
         total = torch.ones_like(labels) if weight is None else weight
         if self.balanced:
             merges = labels == MERGE
