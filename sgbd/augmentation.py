@@ -72,7 +72,18 @@ class GraphAugmentation:
 
         Returns:
             A shallow copy with other `x` and `edge_attr`.
+
+        Raises:
+            ValueError: If the batch has fewer columns than the groups. More are a graph builder's own, which get noise
+                only.
         """
+        for field, names in (("x", self._node), ("edge_attr", self._edge)):
+            if batch[field].size(1) < len(names):
+                raise ValueError(
+                    f"augmentation: {field} has {batch[field].size(1)} columns, the chosen groups have {len(names)}. "
+                    "Set node_features and edge_features of the augmentation to the features that are trained on, "
+                    "${features.node} and ${features.edge}."
+                )
         changed = copy.copy(batch)
         nodes, edges = batch.x.clone(), batch.edge_attr.clone()
         graph = batch.batch if "batch" in batch else torch.zeros(nodes.size(0), dtype=torch.int64)
@@ -96,6 +107,11 @@ class GraphAugmentation:
         for name in EDGE_COLORS:
             if name in self._edge:
                 edges[:, self._edge[name]] *= gain.mean(1)[edge_graph]
+        if "color_distance" in self._edge and all(name in self._node for name in COLORS):
+            # Known exactly, with what is clipped and what becomes gray.
+            colors = nodes[:, [self._node[name] for name in COLORS]]
+            source, target = batch.edge_index
+            edges[:, self._edge["color_distance"]] = (colors[source] - colors[target]).norm(dim=1)
 
         if self.noise > 0:
             for rows in (nodes, edges):
