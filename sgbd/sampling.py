@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from typing import Protocol
 
 import torch
@@ -120,12 +121,12 @@ class AllEdges:
             as it has in a multicut whose edges are weighted by border length.
 
     Raises:
-        ValueError: If the exponent is negative.
+        ValueError: If the exponent is negative or not finite.
     """
 
     def __init__(self, border_exponent: float = 0.0) -> None:
-        if not border_exponent >= 0:
-            raise ValueError(f"sampler.border_exponent must be 0 or more; got {border_exponent}")
+        if not 0 <= border_exponent < math.inf:
+            raise ValueError(f"border_exponent must be a finite number of at least 0; got {border_exponent}")
         self.border_exponent = border_exponent
 
     def __repr__(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import inspect
 import io
 import json
 import logging
@@ -507,7 +508,9 @@ class Trainer:
         identity = {
             "model": repr(model),
             "objectness": repr(objectness),
-            "sampler": repr(sampler) if type(sampler).__repr__ is not object.__repr__ else type(sampler).__qualname__,
+            "sampler": _described(sampler),
+            "edge_loss": _described(self.edge_loss),
+            "augmentation": _described(self.augmentation),
             "optimizer": f"{type(optimizer).__name__} {options}",
             "number of training graphs": str(len(graphs)),
         }
@@ -520,7 +523,7 @@ class Trainer:
             }
             identity["scheduler"] = f"{type(scheduler).__name__} {settings}"
         fixed = ["epochs", "batch_size", "seed", "objectness_weight", "gradient_clip_norm", "patience", "monitor"]
-        fixed += ["edge_loss", "augmentation", "devices", "precision"]
+        fixed += ["devices", "precision"]
         identity |= {name: str(getattr(self, name)) for name in fixed}
         return identity | {
             section: json.dumps(recipe[section], sort_keys=True)
@@ -594,6 +597,13 @@ def _not_finite(graphs: Sequence[Data], field: str, start: int) -> str:
                 "Prepare the graphs anew; if it stays, the frame's depth or your own features are at fault."
             )
     raise AssertionError("unreachable: a batch holds a value that none of its graphs has")
+
+
+def _described(part: object) -> str:
+    """Return what tells a part from others in another process too: without the address that Python shows."""
+    if inspect.isroutine(part):
+        return f"{part.__module__}.{part.__qualname__}"
+    return type(part).__qualname__ if type(part).__repr__ is object.__repr__ else repr(part)
 
 
 def _rank(score: float | None) -> float:

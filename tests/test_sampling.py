@@ -133,6 +133,27 @@ def test_all_edges_takes_each_labelled_pair_once() -> None:
     assert [sum(swapped for *_, swapped in graph) for graph in got] == [2, 0, 0]
 
 
+@pytest.mark.parametrize("exponent", [0.5, 1.0])
+def test_weights_are_the_powers_of_the_drawn_pairs_borders(exponent: float) -> None:
+    graphs = [path_graph([1.0, -1.0, 0.0]), path_graph([0.0, 1.0])]
+    graphs[0].border_length, graphs[1].border_length = torch.tensor([9.0, 100.0, 0.0]), torch.tensor([4.0, 25.0])
+    batch = next(iter(DataLoader(graphs, batch_size=2)))
+    sampled = AllEdges(exponent)(batch, torch.Generator().manual_seed(0))
+    # Nodes of the second graph start at 4; the pair (2, 3) does not touch and counts like one pixel.
+    borders = {(0, 1): 9.0, (2, 3): 1.0, (4, 5): 4.0, (5, 6): 25.0}
+    ends = [(min(pair), max(pair)) for pair in sampled.edge_label_index.t().tolist()]
+    assert sorted(ends) == sorted(borders)
+    want = torch.tensor([borders[pair] ** exponent for pair in ends])
+    torch.testing.assert_close(sampled.edge_label_weight, want)
+    assert "edge_label_weight" not in AllEdges()(batch, torch.Generator())
+
+
+@pytest.mark.parametrize("exponent", [-1.0, float("nan"), float("inf")])
+def test_impossible_exponents_are_refused(exponent: float) -> None:
+    with pytest.raises(ValueError, match=f"border_exponent must be a finite number of at least 0; got {exponent}"):
+        AllEdges(exponent)
+
+
 @pytest.mark.parametrize("sampler", [BalancedEdgeSampler(), AllEdges()])
 def test_graphs_without_labels_are_refused(sampler: BalancedEdgeSampler | AllEdges) -> None:
     data = graph_of_pairs(torch.tensor([[0], [1]]), [1.0], nodes=2)

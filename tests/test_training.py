@@ -18,9 +18,11 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from torch import Generator
 from torch_geometric.data import Data
 
+from sgbd.augmentation import GraphAugmentation
 from sgbd.checkpoint import Checkpoint, CheckpointError
-from sgbd.models import EdgeClassifier, GatedGCN, ObjectnessHead, SharedMLP
-from sgbd.sampling import BalancedEdgeSampler
+from sgbd.losses import EdgeLoss
+from sgbd.models import EdgeClassifier, GatedGCN, ObjectnessHead, SharedMLP, SymmetricGCN
+from sgbd.sampling import AllEdges, BalancedEdgeSampler
 from sgbd.training import Trainer, TrainingError, TrainingResult, survey_graphs
 from tests.graph_samples import grid_graph, path_graph
 
@@ -128,6 +130,81 @@ def test_the_loss_is_the_mean_over_drawn_pairs_and_known_superpixels(tmp_path: P
     assert row.loss == pytest.approx(row.edge_loss + 0.5 * row.objectness_loss, rel=1e-6)
 
 
+def constant_model(logit: float) -> SharedMLP:
+    model = SharedMLP(3, 2, hidden_channels=[4])
+    for value in model.parameters():
+        value.data.zero_()
+    model.mlp.lins[-1].bias.data.fill_(logit)
+    return model
+
+
+def test_the_sampled_weights_reach_the_loss(tmp_path: Path) -> None:
+    graph = path_graph([1.0, 0.0, -1.0, 0.0])
+    graph.border_length = torch.tensor([8.0, 2.0, 50.0, 6.0])
+    result = Trainer(epochs=1, progress=False).train(
+        constant_model(1.0),
+        [graph],
+        sampler=AllEdges(border_exponent=1.0),
+        folder=tmp_path,
+        recipe={"model": {**MLP, "hidden_channels": [4]}},
+    )
+    merge, cut = math.log(1 + math.exp(-1)), math.log(1 + math.exp(1))
+    assert result.history.edge_loss[0] == pytest.approx((8 * merge + (2 + 6) * cut) / 16, rel=1e-6)
+
+
+def test_the_configured_loss_is_what_is_minimised(tmp_path: Path) -> None:
+    result = Trainer(epochs=1, progress=False, edge_loss=EdgeLoss(gamma=2.0, balanced=True)).train(
+        constant_model(1.0),
+        [path_graph([1.0, 0.0, 0.0, 0.0])],
+        sampler=AllEdges(),
+        folder=tmp_path,
+        recipe={"model": {**MLP, "hidden_channels": [4]}},
+    )
+    right = 1 / (1 + math.exp(-1))
+    merge, cut = -((1 - right) ** 2) * math.log(right), -(right**2) * math.log(1 - right)
+    assert result.history.edge_loss[0] == pytest.approx((merge + cut) / 2, rel=1e-6)
+
+
+class Turned:
+    """Turns the sign of all node features, and counts."""
+
+    def __init__(self) -> None:
+        self.calls = 0
+
+    def __call__(self, batch: Data, generator: Generator) -> Data:
+        self.calls += 1
+        changed = batch.clone()
+        changed.x = -batch.x
+        return changed
+
+
+def shuffled(batch: Data, generator: Generator) -> Data:
+    """Change a batch by the epoch's generator."""
+    changed = batch.clone()
+    changed.x = batch.x + torch.randn(batch.x.shape, generator=generator)
+    return changed
+
+
+def test_every_batch_is_augmented_and_validation_is_not(tmp_path: Path) -> None:
+    turned = Turned()
+    trainer = Trainer(epochs=2, progress=False, augmentation=turned)
+    result, _ = run(tmp_path / "turned", trainer)
+    assert turned.calls == 2 * 3
+    # Nothing but the sign of the features differs, and the model is fed with the turned ones.
+    plain, _ = run(tmp_path / "plain", Trainer(epochs=2, progress=False))
+    assert result.history.loss[0] != plain.history.loss[0]
+    resumed, _ = run(tmp_path / "turned", Trainer(epochs=2, progress=False, augmentation=Turned()))
+    pd.testing.assert_frame_equal(resumed.history, result.history)
+
+
+def test_a_killed_augmented_training_ends_with_the_weights_of_an_unbroken_one(tmp_path: Path) -> None:
+    trainer = Trainer(epochs=2, progress=False, augmentation=shuffled, edge_loss=EdgeLoss(1.0))
+    _, weights = run(tmp_path / "unbroken", trainer)
+    with pytest.raises(Killed):
+        run(tmp_path / "killed", trainer, sampler=KillingSampler(4))
+    assert_same(run(tmp_path / "killed", trainer)[1], weights)
+
+
 def test_a_seed_repeats_itself_and_another_does_not(tmp_path: Path) -> None:
     _, first = run(tmp_path / "a")
     torch.rand(7)
@@ -188,6 +265,14 @@ def test_the_state_of_another_training_is_refused(tmp_path: Path) -> None:
         run(tmp_path, Trainer(epochs=1, progress=False, seed=3, batch_size=2))
     with pytest.raises(TrainingError, match=r"sampler was BalancedEdgeSampler\(pairs_per_graph=16"):
         run(tmp_path, Trainer(epochs=1, progress=False), sampler=BalancedEdgeSampler(8))
+    with pytest.raises(TrainingError, match=r"edge_loss was EdgeLoss\(gamma=0\.0, balanced=False\), now EdgeLoss"):
+        run(tmp_path, Trainer(epochs=1, progress=False, edge_loss=EdgeLoss(2.0)))
+    with pytest.raises(TrainingError, match=r"augmentation was None, now GraphAugmentation\(mirror=1\.0, gain=0\.12"):
+        run(tmp_path, Trainer(epochs=1, progress=False, augmentation=GraphAugmentation(mirror=1.0)))
+    with pytest.raises(TrainingError, match=r"augmentation was None, now tests\.test_training\.shuffled\."):
+        run(tmp_path, Trainer(epochs=1, progress=False, augmentation=shuffled))
+    with pytest.raises(TrainingError, match=r"sampler was .* now AllEdges\(border_exponent=0\.5\)"):
+        run(tmp_path, Trainer(epochs=1, progress=False), sampler=AllEdges(0.5))
     with pytest.raises(TrainingError, match="features was"):
         run(tmp_path, Trainer(epochs=1, progress=False), recipe={**RECIPE, "features": {"node": None, "edge": None}})
 
@@ -382,16 +467,21 @@ def test_shipped_trainers_train(name: str, tmp_path: Path) -> None:
     assert len(result.history) == 2
 
 
-def test_message_passing_trains_too(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", [GatedGCN, SymmetricGCN])
+def test_message_passing_trains_too(kind: type[GatedGCN | SymmetricGCN], tmp_path: Path) -> None:
     torch.manual_seed(0)
-    model = GatedGCN(3, 2, hidden_channels=16, num_layers=2)
-    recipe = {"model": {"_target_": "sgbd.models.GatedGCN", "node_channels": 3, "edge_channels": 2}}
+    sizes = {"node_channels": 3, "edge_channels": 2, "hidden_channels": 16, "num_layers": 2}
+    model = kind(**sizes)
+    recipe = {"model": {"_target_": f"sgbd.models.{kind.__name__}", **sizes}}
     trainer = Trainer(epochs=8, progress=False, optimizer=functools.partial(torch.optim.AdamW, lr=1e-2))
     result = trainer.train(
         model, GRAPHS, sampler=BalancedEdgeSampler(16), folder=tmp_path, recipe=recipe, validate=accuracy
     )
     assert result.best_score is not None
     assert result.best_score > 0.9
+    loaded = Checkpoint.load(result.checkpoint).model
+    with torch.no_grad():
+        assert torch.equal(loaded(GRAPHS[0]), model(GRAPHS[0]))
 
 
 def test_a_model_of_the_users_own_is_trained_and_read_again(tmp_path: Path) -> None:
