@@ -101,7 +101,7 @@ def _dead_surfaces(label: npt.NDArray[np.int32], rng: np.random.Generator) -> Bo
 
 
 def _smoothed(depth: Floats) -> Floats:
-    """Return depth smoothed within surfaces, as recording software does it; holes stay."""
+    """Return depth smoothed but right at edges, as recording software does it; holes stay."""
     known = depth > 0
     weight = gaussian_filter(known.astype(np.float32), 1.5)
     mean = gaussian_filter(depth, 1.5) / np.maximum(weight, 1e-6)

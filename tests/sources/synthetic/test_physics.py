@@ -13,8 +13,9 @@ import mujoco
 from sgbd.sources.synthetic import colours, meshes, physics
 from sgbd.sources.synthetic.shapes import Part, Shape
 from sgbd.sources.synthetic.shapes.part import solid_box
-from sgbd.sources.synthetic.table import Table, random_table
+from sgbd.sources.synthetic.table import Table, random_floor, random_table
 from sgbd.sources.synthetic.textures import Plain
+from sgbd.sources.synthetic.variety import Variety
 
 GREY = Plain(colours.rgb(0.5, 0.5, 0.5))
 
@@ -77,6 +78,38 @@ def test_objects_start_above_the_table_and_apart() -> None:
         for other in poses[:k]:
             # Their balls inside the cubes never overlap.
             assert np.linalg.norm(pose.position - other.position) > 0.2
+
+
+def test_stacked_objects_start_upright_on_another() -> None:
+    shapes = [cube(0.1) for _ in range(6)]
+    poses = physics.drop_poses(shapes, table(), np.random.default_rng(4), Variety(stacked=1.0))
+    np.testing.assert_allclose(poses[0].position[2], 0.756)
+    for k, pose in enumerate(poses[1:], start=1):
+        np.testing.assert_allclose(pose.turn[2], [0, 0, 1], atol=1e-12)
+        aside = min(np.linalg.norm(pose.position[:2] - other.position[:2]) for other in poses[:k])
+        assert aside < 0.06
+    # Each on top of all that lies below it, with the gap of both.
+    heights = sorted(pose.position[2] for pose in poses)
+    np.testing.assert_allclose(heights, 0.756 + 0.112 * np.arange(6), atol=1e-9)
+
+
+def test_a_stack_of_cubes_stands() -> None:
+    poses = physics.settle([cube(0.1)] * 3, table(), np.random.default_rng(0), Variety(stacked=1.0))
+    heights = sorted(pose.position[2] for pose in poses if pose is not None)
+    np.testing.assert_allclose(heights, [0.75, 0.85, 0.95], atol=0.004)
+
+
+def test_the_spread_is_that_of_the_variety() -> None:
+    shapes = [cube(0.05) for _ in range(8)]
+
+    def width(spread: float, log_spread: bool) -> float:
+        kind = Variety(spread=(spread, spread), log_spread=log_spread)
+        poses = physics.drop_poses(shapes, table(), np.random.default_rng(2), kind)
+        places = np.stack([pose.position[:2] for pose in poses])
+        return float(np.linalg.norm(places - places.mean(axis=0), axis=1).max())
+
+    assert width(4.0, True) == pytest.approx(width(4.0, False))
+    assert width(4.0, True) > 2 * width(0.5, True)
 
 
 def test_what_falls_off_has_no_pose(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -161,3 +194,15 @@ def test_random_tables_stand_on_the_floor_and_end_at_their_height() -> None:
         assert bounds[:, 1, 2].max() == pytest.approx(drawn.height, abs=1e-6)
         np.testing.assert_allclose(drawn.parts[0].mesh.extents[:2], drawn.size, rtol=1e-3)
     assert kinds == {True, False}
+
+
+def test_random_floors_are_thin_and_lie_on_the_ground() -> None:
+    for seed in range(6):
+        drawn = random_floor(np.random.default_rng(seed))
+        bounds = np.array([part.mesh.bounds for part in drawn.parts])
+        assert not drawn.round
+        assert 0.005 <= drawn.height <= 0.02
+        assert bounds[:, 0, 2].min() == pytest.approx(0, abs=1e-9)
+        assert bounds[:, 1, 2].max() == pytest.approx(drawn.height, abs=1e-9)
+        np.testing.assert_allclose(drawn.parts[0].mesh.extents[:2], drawn.size, rtol=1e-9)
+        assert min(drawn.size) >= 2.2

@@ -61,6 +61,8 @@ def test_training_categories_can_be_chosen() -> None:
         {"objects": (5, 24)},
         {"resolution": (320, 240)},
         {"sensor": "kinect"},
+        {"sensor": "varied"},
+        {"variety": "wide"},
         {"seed": 1},
     ],
 )
@@ -71,6 +73,14 @@ def test_every_value_is_in_the_digest(change: dict[str, object]) -> None:
 def test_the_digest_is_that_of_equal_values() -> None:
     assert replace(RECIPE).digest() == RECIPE.digest()
     assert len(RECIPE.digest()) == 10
+
+
+def test_the_default_datasets_digest_stays_what_it_was() -> None:
+    """Options that came later must not make the frames that are there anew."""
+    recipe = replace(RECIPE, train_frames=400, val_frames=50, test_frames=100, views_per_scene=5)
+    assert recipe.digest() == "af37f21e24"
+    assert "variety" not in recipe.as_dict()
+    assert replace(recipe, variety="wide").as_dict()["variety"] == "wide"
 
 
 @pytest.mark.parametrize(
@@ -84,7 +94,8 @@ def test_the_digest_is_that_of_equal_values() -> None:
         ({"objects": (0, 3)}, "objects must be a range"),
         ({"objects": (5, 400)}, "objects must be a range"),
         ({"resolution": (10, 480)}, r"resolution must lie between .* got \[10, 480\]"),
-        ({"sensor": "lidar"}, "no sensor 'lidar'; choose from clean, kinect"),
+        ({"sensor": "lidar"}, "no sensor 'lidar'; choose from clean, kinect, varied"),
+        ({"variety": "narrow"}, "no variety 'narrow'; choose from tabletop, wide"),
         ({"seed": -3}, "seed must not be negative; got -3"),
     ],
 )

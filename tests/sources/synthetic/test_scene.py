@@ -12,6 +12,7 @@ pytest.importorskip("trimesh", reason="needs the extra sgbd[synthetic]")
 from sgbd.sources.categories import TODZ_SEEN
 from sgbd.sources.synthetic import scene
 from sgbd.sources.synthetic.physics import UnstableSimulationError
+from sgbd.sources.synthetic.variety import VARIETIES
 
 SEEN = tuple(sorted(TODZ_SEEN))
 
@@ -23,11 +24,11 @@ def seed(number: int = 0) -> np.random.SeedSequence:
 def test_a_blown_up_simulation_is_drawn_again_from_another_seed(monkeypatch: pytest.MonkeyPatch) -> None:
     settle, calls = scene.settle, []
 
-    def explode_once(shapes: list, table: object, rng: np.random.Generator) -> list:
+    def explode_once(shapes: list, table: object, *rest: object) -> list:
         calls.append(([shape.category for shape in shapes], table))
         if len(calls) == 1:
             raise UnstableSimulationError("an object moves at 99 m/s")
-        return settle(shapes, table, rng)  # type: ignore[arg-type]
+        return settle(shapes, table, *rest)  # type: ignore[arg-type]
 
     monkeypatch.setattr(scene, "settle", explode_once)
     arrangement = scene.arrange(SEEN, (2, 4), seed())
@@ -39,9 +40,9 @@ def test_a_blown_up_simulation_is_drawn_again_from_another_seed(monkeypatch: pyt
 def test_too_few_objects_on_the_table_are_drawn_again(monkeypatch: pytest.MonkeyPatch) -> None:
     settle, calls = scene.settle, []
 
-    def lose_all_once(shapes: list, table: object, rng: np.random.Generator) -> list:
+    def lose_all_once(shapes: list, table: object, *rest: object) -> list:
         calls.append(table)
-        return [None] * len(shapes) if len(calls) == 1 else settle(shapes, table, rng)  # type: ignore[arg-type]
+        return [None] * len(shapes) if len(calls) == 1 else settle(shapes, table, *rest)  # type: ignore[arg-type]
 
     monkeypatch.setattr(scene, "settle", lose_all_once)
     assert len(scene.arrange(SEEN, (2, 3), seed()).shapes) >= 2
@@ -112,3 +113,81 @@ def test_the_same_seed_gives_the_same_pictures(arrangement: scene.Arrangement) -
     np.testing.assert_array_equal(first.rgb, again.rgb)
     np.testing.assert_array_equal(first.depth, again.depth)
     np.testing.assert_array_equal(first.segmentation, again.segmentation)
+
+
+WIDE = VARIETIES["wide"]
+
+
+@pytest.fixture(scope="module")
+def wide_arrangements() -> list[scene.Arrangement]:
+    return [scene.arrange(SEEN, (1, 25), seed(number), WIDE) for number in range(10)]
+
+
+def test_wide_scenes_hold_seen_categories_and_packaging(wide_arrangements: list[scene.Arrangement]) -> None:
+    names = [shape.category for arrangement in wide_arrangements for shape in arrangement.shapes]
+    assert set(names) <= TODZ_SEEN | {"carton", "roll"}
+    assert {"carton", "roll"} <= set(names)
+    # 35 % of them, within three standard deviations.
+    share = sum(name in ("carton", "roll") for name in names) / len(names)
+    assert abs(share - 0.35) < 3 * (0.35 * 0.65 / len(names)) ** 0.5
+
+
+def test_wide_scenes_are_few_or_many_on_tables_and_floors(wide_arrangements: list[scene.Arrangement]) -> None:
+    counts = [len(arrangement.shapes) for arrangement in wide_arrangements]
+    assert min(counts) <= scene.FEW < max(counts)
+    heights = [arrangement.table.height for arrangement in wide_arrangements]
+    assert min(heights) < 0.03
+    assert max(heights) > 0.5
+
+
+def test_objects_of_wide_scenes_rest_on_their_support(wide_arrangements: list[scene.Arrangement]) -> None:
+    for arrangement in wide_arrangements:
+        lowest = []
+        for shape, pose in zip(arrangement.shapes, arrangement.poses, strict=True):
+            np.testing.assert_allclose(pose.turn @ pose.turn.T, np.eye(3), atol=1e-6)
+            assert arrangement.table.holds(pose.position)
+            points = np.concatenate([part.mesh.vertices for part in shape.parts]) @ pose.turn.T + pose.position
+            lowest.append(points[:, 2].min() - arrangement.table.height)
+        # None deeper in the support than meshes stick out of their solids, and one at least touches it.
+        assert min(lowest) > -0.03
+        assert min(lowest) < 0.01
+
+
+def test_the_same_seed_gives_the_same_wide_scene(wide_arrangements: list[scene.Arrangement]) -> None:
+    first, again = wide_arrangements[2], scene.arrange(SEEN, (1, 25), seed(2), WIDE)
+    assert [shape.category for shape in first.shapes] == [shape.category for shape in again.shapes]
+    assert first.table.size == again.table.size
+    for one, other in zip(first.poses, again.poses, strict=True):
+        np.testing.assert_array_equal(one.position, other.position)
+        np.testing.assert_array_equal(one.turn, other.turn)
+
+
+def test_cameras_of_wide_scenes_have_the_focal_lengths_of_the_variety(
+    wide_arrangements: list[scene.Arrangement],
+) -> None:
+    focal = set()
+    for number, arrangement in enumerate(wide_arrangements[:3]):
+        views = scene.photograph(arrangement, 2, "clean", (80, 64), seed(number), WIDE)
+        for view in views:
+            assert view.camera.intrinsics.fx == view.camera.intrinsics.fy
+            assert 0.78 <= view.camera.intrinsics.fx / 80 <= 1.08
+            assert (view.segmentation > 1).any()
+        focal |= {view.camera.intrinsics.fx for view in views}
+    assert len(focal) == 3
+
+
+def test_a_varied_sensor_sees_the_same_scene_and_repeats_itself(arrangement: scene.Arrangement) -> None:
+    clean = scene.photograph(arrangement, 3, "clean", (80, 64), seed(3))
+    first, again = (scene.photograph(arrangement, 3, "varied", (80, 64), seed(3)) for _ in range(2))
+    for exact, view, same in zip(clean, first, again, strict=True):
+        assert (view.rgb.dtype, view.depth.dtype, view.segmentation.dtype) == (np.uint8, np.uint16, np.uint8)
+        assert view.rgb.shape == (64, 80, 3)
+        assert view.depth.shape == view.segmentation.shape == (64, 80)
+        np.testing.assert_array_equal(view.segmentation, exact.segmentation)
+        np.testing.assert_array_equal(view.rgb, same.rgb)
+        np.testing.assert_array_equal(view.depth, same.depth)
+        valid = view.depth > 0
+        assert valid.mean() > 0.05
+        error = np.abs(view.depth.astype(float) - exact.depth)[valid] / exact.depth[valid]
+        assert np.median(error) < 0.1
+    assert any((view.depth == 0).any() for view in first)

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ pytest.importorskip("trimesh", reason="needs the extra sgbd[synthetic]")
 
 from sgbd.sources import TOD_CATEGORIES, TODZ_SEEN, DatasetNotFoundError, Tod
 from sgbd.sources.synthetic import GenerationError, MissingExtraError, Tabletop, generation, scene
+from sgbd.sources.synthetic.variety import VARIETIES
 
 SIZES: dict[str, Any] = {
     "train_frames": 3,
@@ -82,6 +84,25 @@ def test_test_frames_hold_unseen_categories_too(root: Path) -> None:
     held = {name for frame in Tabletop(root, "test", **SIZES) for name in frame.categories.values()}
     assert held - TODZ_SEEN
     assert held <= set(TOD_CATEGORIES)
+
+
+def test_packaging_is_an_object_without_a_category(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    boxes = replace(VARIETIES["wide"], packaging=1.0)
+    monkeypatch.setitem(VARIETIES, "wide", boxes)
+    options = {**SIZES, "train_frames": 1, "val_frames": 0, "test_frames": 0, "variety": "wide", "sensor": "varied"}
+    source = Tabletop(tmp_path, "train", **options)
+    source.generate(workers=0, progress=False)
+    frame = source[0]
+    assert frame.categories == {}
+    assert frame.instances is not None
+    assert len(source.objects(0)) == len(np.unique(frame.instances[frame.instances > 1])) >= 1
+    assert {item.category for item in source.objects(0)} == {None}
+    description = json.loads((source.root / "training_set/scene_00000/scene_description.txt").read_text())
+    assert {item["category"] for item in description["object_descriptions"]} <= {"carton", "roll"}
+    assert {item["synset"] for item in description["object_descriptions"]} == {None}
+    focal = description["intrinsics"]["fx"]
+    assert frame.camera.fx == pytest.approx(focal)
+    assert 0.78 * 96 <= focal <= 1.08 * 96
 
 
 def test_frames_are_chosen_and_objects_ignored_without_making_anything_anew(root: Path) -> None:
@@ -287,6 +308,7 @@ def test_bad_options_are_refused(tmp_path: Path, option: dict[str, Any], message
         ("tabletop_tiny", (8, 4, 6), "clean"),
         ("tabletop_todz", (7118, 400, 881), "clean"),
         ("tabletop_kinect", (400, 50, 100), "kinect"),
+        ("tabletop_wide", (2000, 150, 100), "varied"),
     ],
 )
 def test_shipped_configurations(name: str, frames: tuple[int, int, int], sensor: str, tmp_path: Path) -> None:
