@@ -104,6 +104,11 @@ class Tabletop(Tod):
         )
 
     @property
+    def splits(self) -> tuple[str, ...]:
+        """The splits that have frames."""
+        return tuple(split for split in super().splits if self.recipe.frames(split) > 0)
+
+    @property
     def generated(self) -> bool:
         """Whether all frames are there."""
         return generation.is_complete(self.root, self.recipe)

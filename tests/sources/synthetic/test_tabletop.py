@@ -327,3 +327,9 @@ def test_shipped_configurations(name: str, frames: tuple[int, int, int], sensor:
 
 def forbidden(*_: Any) -> None:
     raise AssertionError("nothing should be made")
+
+
+def test_a_split_without_frames_is_no_split(tmp_path: Path) -> None:
+    source = Tabletop(tmp_path, **{**SIZES, "test_frames": 0, "val_frames": 0})
+    source.generate(workers=0, progress=False)
+    assert source.splits == ("train",)
