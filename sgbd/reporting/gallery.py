@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from PIL import Image, UnidentifiedImageError
 
 from sgbd.configuration import ConfigurationError
@@ -155,14 +154,17 @@ def _rank(path: Path) -> tuple[int, str]:
 
 
 def _card(identity: str, run: Run, frame: GalleryFrame, files: Sequence[tuple[str, Path]]) -> Card:
-    row = run.frames.loc[frame.name] if frame.name in run.frames.index else pd.Series(dtype=float)
-    scores = {name: 100 * float(row[name]) for name in MEASURES if name in row and not math.isnan(row[name])}
+    row: dict[str, float] = {}
+    if frame.name in run.frames.index:
+        numbers = run.frames.select_dtypes("number").loc[[frame.name]]
+        row = dict(zip(map(str, numbers.columns), numbers.to_numpy(float)[0].tolist(), strict=True))
+    scores = {name: 100 * row[name] for name in MEASURES if not math.isnan(row.get(name, math.nan))}
+    seen: bool | None = None
+    unseen: bool | None = None
     if frame.seen is not None and frame.unseen is not None:
         seen, unseen = frame.seen > 0, frame.unseen > 0
     elif "seen_overlap_f_measure" in row:
         seen, unseen = (not math.isnan(row[f"{group}_overlap_f_measure"]) for group in ("seen", "unseen"))
-    else:
-        seen = unseen = None
     pictures = [_picture(panel, path) for panel, path in files]
     return Card(identity, run.label, run.dataset, frame.name, scores, seen, unseen, frame.categories, pictures)
 

@@ -227,7 +227,7 @@ def category_comparison(runs: Mapping[str, Sequence[Run]]) -> Table | None:
         best = _best(row)
         cells = [text(category)]
         if seen is not None:
-            cells.append(text({True: "seen", False: "unseen"}.get(seen.get(category), GAP)))  # type: ignore[arg-type]
+            cells.append(text({True: "seen", False: "unseen"}.get(seen.get(category), GAP)))
         rows.append([*cells, *(_compared(value, best) for value in row)])
     titles = [("category", False), *([] if seen is None else [("group", False)])]
     return Table("Overlap F by category, per cent", [*titles, *((name, True) for name in columns)], rows)
