@@ -7,13 +7,10 @@ from omegaconf import DictConfig, OmegaConf
 
 from sgbd.checkpoint import Checkpoint, find_checkpoint
 from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
-from sgbd.data import SuperpixelGraphDataset
 from sgbd.evaluation import Evaluator, with_truth
 from sgbd.label_images import LabelImages
 from sgbd.label_map_evaluation import evaluate_label_maps
-from sgbd.node_block_cache import node_block_folder, prepare_node_block
-from sgbd.pipeline import frame_source, splits_of
-from sgbd.preparation import prepare
+from sgbd.pipeline import frame_source, graphs_for, splits_of
 from sgbd.results import draw_examples, example_frames, markdown, write_evaluation
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameSource
@@ -38,19 +35,7 @@ def main(config: DictConfig) -> None:
     )
     workers = count_workers(config.workers)
     source = _frames(config, workers)
-    folder = prepare(
-        source, segmenter.superpixels, segmenter.graph, config.cache_dir, workers=workers, on_error=config.on_error
-    )
-    features, block = segmenter.recipe["features"], segmenter.node_block
-    if block is not None:
-        prepare_node_block(folder, source, block)
-    prepared = SuperpixelGraphDataset(
-        folder,
-        source.split,
-        features["node"],
-        features["edge"],
-        node_block=None if block is None else node_block_folder(block),
-    )
+    prepared = graphs_for(segmenter, source, config.cache_dir, workers, config.on_error)
     dataset = with_truth(prepared, config.on_error)
     # By construction; a difference would mean that the graphs are not what the model was trained on.
     checkpoint.require(superpixels=dataset.recipe["superpixels"], graph=dataset.recipe["graph"])

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from sgbd.configuration import count_workers
+from sgbd.data import SuperpixelGraphDataset
 from sgbd.node_block import NodeBlock
-from sgbd.node_block_cache import prepare_node_block
+from sgbd.node_block_cache import node_block_folder, prepare_node_block
 from sgbd.preparation import prepare
 from sgbd.sources import FrameSource
+
+if TYPE_CHECKING:
+    from sgbd.segmenter import Segmenter
 
 
 def frame_source(dataset: DictConfig, workers: int, split: str | None = None) -> FrameSource:
@@ -62,3 +66,31 @@ def prepare_splits(config: DictConfig, splits: Sequence[str], block: NodeBlock |
         folders.append(folder)
     # All splits of a dataset have one recipe, and so one folder.
     return folders[-1]
+
+
+def graphs_for(
+    segmenter: Segmenter, source: FrameSource, cache_dir: str | Path, workers: int, on_error: Literal["skip", "fail"]
+) -> SuperpixelGraphDataset:
+    """Prepare a dataset's graphs with a trained model's recipe, or find them prepared.
+
+    Args:
+        segmenter: The model.
+        source: The frames.
+        cache_dir: Where prepared graphs are kept.
+        workers: Processes.
+        on_error: What to do with a frame that cannot be used: `skip` or `fail`.
+
+    Returns:
+        The graphs, with the feature columns that the model was trained on.
+    """
+    folder = prepare(source, segmenter.superpixels, segmenter.graph, cache_dir, workers=workers, on_error=on_error)
+    features, block = segmenter.recipe["features"], segmenter.node_block
+    if block is not None:
+        prepare_node_block(folder, source, block)
+    return SuperpixelGraphDataset(
+        folder,
+        source.split,
+        features["node"],
+        features["edge"],
+        node_block=None if block is None else node_block_folder(block),
+    )

@@ -41,6 +41,11 @@ OPTIONS = sorted(
 SOURCES = "".join(path.read_text() for path in (CONF.parent / "sgbd").rglob("*.py"))
 
 
+def entry_of(experiment: str) -> str:
+    """The command that an experiment is for: the one that its own comment shows."""
+    return re.search(r"python -m sgbd\.(\w+)", (CONF / "experiment" / f"{experiment}.yaml").read_text())[1]
+
+
 @functools.cache
 def composed(entry: str, *overrides: str, hydra: bool = False):
     with initialize_config_dir(str(CONF), version_base="1.3", job_name=entry):
@@ -83,10 +88,10 @@ def test_every_entry_composes_and_its_targets_take_its_arguments(entry):
 
 @pytest.mark.parametrize(("group", "option"), OPTIONS)
 def test_every_option_composes_and_its_target_takes_its_arguments(group, option):
-    value = f"[{option}]" if group == "logger" else option
+    value = f"[{option}]" if group in ("logger", "baseline") else option
     # A first stage is a file, which only its digest can stand for here.
     needed = ["graph.first_stage=sha256:0"] if (group, option) == ("graph", "agglomerated") else []
-    config = composed("train", f"{group}={value}", *needed)
+    config = composed("compare" if group == "baseline" else "train", f"{group}={value}", *needed)
     node = config[group]
     check_targets(config)
     if group == "features":
@@ -110,9 +115,10 @@ def test_every_key_is_read(entry):
 
 @pytest.mark.parametrize("experiment", EXPERIMENTS)
 def test_every_experiment_composes_under_its_own_name(experiment):
-    config = composed("train", f"+experiment={experiment}", hydra=True)
+    entry = entry_of(experiment)
+    config = composed(entry, f"+experiment={experiment}", hydra=True)
     assert config.name == experiment
-    check_targets(composed("train", f"+experiment={experiment}"))
+    check_targets(composed(entry, f"+experiment={experiment}"))
     # Those that vary something sweep by themselves, without -m.
     assert (config.hydra.mode == RunMode.MULTIRUN) == bool(config.hydra.sweeper.params)
 

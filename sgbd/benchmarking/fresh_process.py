@@ -67,18 +67,26 @@ def in_fresh_process(
 
 
 def do_job(
-    method: str, frames: str, n: int, count: int, checkpoint: str, trust: Sequence[str], torch_threads: int
+    method: str,
+    frames: str,
+    n: int,
+    count: int,
+    checkpoint: str,
+    trust: Sequence[str],
+    torch_threads: int,
+    baseline: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Import, load, and segment frames, watching time and memory.
 
     Args:
-        method: `ours` or `reference`.
+        method: `ours`, `reference` or `baseline`.
         frames: File of `save_frames`.
         n: Superpixels that the reference asks for.
         count: Frames to segment, going round those of the file.
         checkpoint: File of a checkpoint, for `ours`.
         trust: Packages whose classes the checkpoint may name.
         torch_threads: Threads of PyTorch's operations.
+        baseline: Configuration of a baseline (`sgbd.baselines`).
 
     Returns:
         Seconds, and seconds of processor time, for the imports and for each frame; seconds for loading the model;
@@ -94,6 +102,10 @@ def do_job(
 
     if method == "reference":
         from sgbd.benchmarking.reference import Reference
+    elif method == "baseline":
+        from hydra.utils import instantiate
+
+        import sgbd.baselines
 
     imported, imported_cpu = time.perf_counter(), time.process_time()
     torch.set_num_threads(torch_threads)
@@ -107,6 +119,8 @@ def do_job(
     loading, base = time.perf_counter(), resident()
     if method == "reference":
         reference = Reference.untrained(n)
+    elif method == "baseline":
+        chosen: sgbd.baselines.Baseline = instantiate(baseline)
     else:
         segmenter = Segmenter.load(checkpoint, trust=trust)
     loaded = time.perf_counter()
@@ -117,6 +131,8 @@ def do_job(
         camera = None if np.isnan(cameras[place]).any() else Intrinsics(*cameras[place].tolist())
         if method == "reference":
             reference(Frame(rgb[place], depth[place], camera))
+        elif method == "baseline":
+            chosen(Frame(rgb[place], depth[place], camera))
         else:
             segmenter.segment(rgb[place], depth[place], camera)
         seconds.append(time.perf_counter() - begun)

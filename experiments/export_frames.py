@@ -1,0 +1,50 @@
+"""Write the frames of a dataset as plain images, for other systems to segment.
+
+    python experiments/export_frames.py dataset=tabletop split=test output=frames_of_tabletop [data_dir=data]
+
+It writes NAME_rgb.png and NAME_depth.png (uint16, millimetres, 0 = missing), with `_` for every `/` in a name, and
+prints the camera. What the other system makes of them, one label image NAME.png a frame with 0 for no object, is scored
+with python -m sgbd.evaluate predictions=<folder>, or beside others with python -m sgbd.compare predictions='{its name:
+<folder>}'.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+from hydra import compose, initialize_config_dir
+from hydra.utils import instantiate
+from omegaconf import OmegaConf
+from tqdm import tqdm
+
+from sgbd.configuration import config_folder
+from sgbd.frame import MILLIMETRES
+
+OWN = ("split", "output")
+
+
+def main() -> None:
+    """Write the frames."""
+    given = OmegaConf.from_cli(sys.argv[1:])
+    overrides = [argument for argument in sys.argv[1:] if argument.partition("=")[0] not in OWN]
+    with initialize_config_dir(str(config_folder()), version_base="1.3"):
+        config = compose("prepare", overrides)
+    source = instantiate(config.dataset, split=given.get("split", "test"))
+    output = Path(given.output)
+    output.mkdir(parents=True, exist_ok=True)
+    cameras = set()
+    for frame in tqdm(source, "writing", len(source), unit="frame"):
+        stem = frame.name.replace("/", "_")
+        depth = np.clip(frame.depth / MILLIMETRES, 0, 65535).round().astype(np.uint16)
+        iio.imwrite(output / f"{stem}_rgb.png", frame.rgb)
+        iio.imwrite(output / f"{stem}_depth.png", depth)
+        camera = frame.camera
+        cameras.add((camera.fx, camera.fy, camera.cx, camera.cy))
+    print(f"{len(source)} frames in {output}; fx fy cx cy: {'; '.join(' '.join(map(str, one)) for one in cameras)}")
+
+
+if __name__ == "__main__":
+    main()
