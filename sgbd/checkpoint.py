@@ -33,6 +33,11 @@ log = logging.getLogger(__name__)
 CHECKPOINT_FILE = "checkpoint.safetensors"
 """Name of a checkpoint in the folder of its training."""
 
+PRETRAINED = "pretrained"
+"""What stands for the model inside the package wherever a checkpoint's path is asked for."""
+PRETRAINED_FILE = Path(__file__).resolve().parent / "pretrained" / "sgbd.safetensors"
+"""The model that is installed with the package."""
+
 FORMAT = "sgbd checkpoint"
 FORMAT_VERSION = 1
 """Raised whenever an older reader would misread the file."""
@@ -204,15 +209,18 @@ def find_checkpoint(path: str | None, output_dir: str | Path) -> Path:
     """Return the checkpoint that is meant.
 
     Args:
-        path: A checkpoint file, or the folder of a training; None for the newest one below `output_dir`.
+        path: A checkpoint file, or the folder of a training; `PRETRAINED` for the model inside the package (a file or
+            folder of that name is given as ./pretrained); None for the newest one below `output_dir`.
         output_dir: Where trainings leave their folders.
 
     Returns:
         The file; whether it can be read shows when it is loaded.
 
     Raises:
-        CheckpointError: If there is none below `output_dir`.
+        CheckpointError: If there is none below `output_dir`, or the package was installed without its model.
     """
+    if path == PRETRAINED:
+        return pretrained_checkpoint()
     if path is not None:
         given = Path(path).expanduser()
         return given / CHECKPOINT_FILE if given.is_dir() else given
@@ -220,10 +228,25 @@ def find_checkpoint(path: str | None, output_dir: str | Path) -> Path:
     if not found:
         raise CheckpointError(
             f"there is no trained model in {output_dir}. Train one with python -m sgbd.train, or give "
-            "checkpoint=<file.safetensors>"
+            f"checkpoint=<file.safetensors>, or checkpoint={PRETRAINED} for the model that comes with the package"
         )
     log.info("Using the newest checkpoint: %s", found[-1])
     return found[-1]
+
+
+def pretrained_checkpoint() -> Path:
+    """Return the file of the model that is installed with the package.
+
+    Raises:
+        CheckpointError: If the package was installed without it.
+    """
+    if not PRETRAINED_FILE.is_file():
+        raise CheckpointError(
+            f"this installation of sgbd has no pretrained model: {PRETRAINED_FILE} is missing. Install the package "
+            "anew with pip, from a complete checkout or wheel, or give a model of your own: "
+            "checkpoint=<file.safetensors>, Segmenter.load(<file.safetensors>)"
+        )
+    return PRETRAINED_FILE
 
 
 def instantiate(config: Any, kind: type[Kind], trust: Sequence[str] = ()) -> Kind:

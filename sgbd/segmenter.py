@@ -13,7 +13,7 @@ import torch
 from torch import nn
 
 from sgbd.adjacency import LabelMap
-from sgbd.checkpoint import Checkpoint, CheckpointError, instantiate
+from sgbd.checkpoint import Checkpoint, CheckpointError, instantiate, pretrained_checkpoint
 from sgbd.features import EDGE_NAMES, NODE_NAMES, edge_columns, node_columns
 from sgbd.frame import Frame, Intrinsics
 from sgbd.graph import GraphBuilder, array_builder
@@ -35,7 +35,7 @@ class Segmenter:
     Every step is the one that training and evaluation take, with the settings that the checkpoint carries.
 
     Example:
-        >>> segmenter = Segmenter.load("checkpoint.safetensors")
+        >>> segmenter = Segmenter.pretrained()  # or Segmenter.load("checkpoint.safetensors")
         >>> result = segmenter.segment(rgb, depth)
         >>> result.instances  # int32 [H, W], 0 = not an object, 1..K objects
 
@@ -105,6 +105,32 @@ class Segmenter:
         checkpoint = Checkpoint.load(path, trust)
         return cls(
             checkpoint,
+            partition=partition,
+            rule=rule,
+            node_block=node_block,
+            device=device,
+            threads=threads,
+            trust=trust,
+        )
+
+    @classmethod
+    def pretrained(
+        cls,
+        *,
+        partition: Partitioner | None = None,
+        rule: ObjectRule | None = None,
+        node_block: NodeBlock | None = None,
+        device: torch.device | str = "cpu",
+        threads: int = 1,
+        trust: Sequence[str] = (),
+    ) -> Segmenter:
+        """Read the model that is installed with the package; arguments as of the class.
+
+        Raises:
+            sgbd.checkpoint.CheckpointError: If the package was installed without it.
+        """
+        return cls.load(
+            pretrained_checkpoint(),
             partition=partition,
             rule=rule,
             node_block=node_block,

@@ -18,6 +18,7 @@ import pytest
 from hydra.core.hydra_config import HydraConfig
 
 from sgbd.frame import Frame
+from tests.desk import desk
 from tests.scenes import scene
 
 SMALL = ("dataset=folder", "superpixels.n_segments=12", "trainer.epochs=2", "trainer.progress=false", "logger=csv")
@@ -243,6 +244,17 @@ def test_a_disk_that_is_full_in_prediction_leaves_whole_files(
     assert "the disk is full while writing out/scene6_overlay.png" in capsys.readouterr().err
     written = sorted(path.name for path in (tmp_path / "out").iterdir())
     assert written == ["scene5.json", "scene5_labels.png", "scene5_overlay.png", "scene6_labels.png"]
+
+
+def test_prediction_needs_no_trained_model(command: Command, tmp_path: Path) -> None:
+    frame = desk()
+    write(frame, "desk", tmp_path / "frames")
+    camera = "intrinsics={fx: 525, fy: 525, cx: 319.5, cy: 239.5}"
+    assert command("predict", "rgb=frames/desk_rgb.png", "depth=frames/desk_depth.png", camera, "output=out") == 0
+    objects = json.loads((tmp_path / "out/desk.json").read_text())["objects"]
+    labels = iio.imread(tmp_path / "out/desk_labels.png")
+    assert len(objects) == labels.max() > 0
+    assert np.mean(frame.instances[labels > 0] > 1) > 0.75, "objects, not the table"
 
 
 def test_prediction_names_what_it_cannot_read_and_goes_on(

@@ -49,6 +49,7 @@ def test_the_wheel_holds_package_configuration_and_licence(wheel):
     assert {f"sgbd/{path}" for path in tracked} <= names
     assert {path.relative_to(ROOT).as_posix() for path in (ROOT / "sgbd").rglob("*.py")} <= names
     assert "sgbd/py.typed" in names
+    assert "sgbd/pretrained/sgbd.safetensors" in names
     assert any(name.endswith("licenses/LICENSE") for name in names)
     assert {name.split("/")[0] for name in names} == {"sgbd", next(n for n in names if "dist-info" in n).split("/")[0]}
 
@@ -86,6 +87,10 @@ shown |= {
     "help": output_of("train", "--help"),
     "own": output_of("train", "--config-dir", "options", "model=difference", "model.power=2", "--cfg", "job"),
 }
+from sgbd import Segmenter
+from sgbd.checkpoint import find_checkpoint
+shown["pretrained"] = str(find_checkpoint("pretrained", "nowhere"))
+shown["pretrained_model"] = Segmenter.pretrained().recipe["model"]["_target_"]
 model = instantiate(OmegaConf.create(shown["own"]).model, node_channels=2, edge_channels=0)
 shown["score"] = model.score(torch.tensor([[1.0, 2.0]]), torch.tensor([[3.0, 2.0]]), torch.zeros(1, 0)).item()
 print(json.dumps(shown))
@@ -128,3 +133,9 @@ def test_help_lists_the_choices(outputs):
 def test_a_model_of_ones_own_plugs_in(outputs):
     assert OmegaConf.create(outputs["own"]).model == {"_target_": "my_models.Difference", "power": 2}
     assert outputs["score"] == -4.0
+
+
+def test_the_installed_package_brings_its_pretrained_model(installed, outputs):
+    assert Path(outputs["pretrained"]) == installed / "sgbd" / "pretrained" / "sgbd.safetensors"
+    assert outputs["pretrained_model"].startswith("sgbd.")
+    assert OmegaConf.create(outputs["predict"]).checkpoint == "pretrained"
