@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from sgbd.adjacency import LabelMap, Pairs, border_pairs
+from sgbd.adjacency import LabelMap, Pairs
 from sgbd.checkpoint import Checkpoint, CheckpointError
 from sgbd.features import NODE_NAMES
 from sgbd.frame import Frame
@@ -190,16 +190,15 @@ class AgglomeratedGraph:
         samples = Samples(frame, coarse_map, count)
         objects = np.nonzero((objectness >= self.min_objectness) & (pixels >= self.min_area))[0]
 
-        def joined(segments: LabelMap) -> Pairs:
-            """Add the pairs of objects within reach to those that touch."""
-            touching = border_pairs(segments)
-            i, j = np.triu_indices(len(objects), 1)
-            i, j = objects[i], objects[j]
-            near = np.linalg.norm(samples.position[i] - samples.position[j], axis=1) < self.reach
-            keys = np.concatenate([touching[0] * count + touching[1], i[near] * count + j[near]])
-            return np.stack(np.divmod(np.unique(keys), count))
+        # Segments touch where superpixels of both do, and objects within reach are joined to these.
+        ends = np.sort(segment[pairs[:, length > 0]], axis=0)
+        i, j = np.triu_indices(len(objects), 1)
+        i, j = objects[i], objects[j]
+        near = np.linalg.norm(samples.position[i] - samples.position[j], axis=1) < self.reach
+        keys = np.concatenate([(ends[0] * count + ends[1])[ends[0] != ends[1]], i[near] * count + j[near]])
+        joined = np.stack(np.divmod(np.unique(keys), count))
 
-        graph = graph_arrays(frame, coarse_map, joined, category_names, store_maps=store_maps)
+        graph = graph_arrays(frame, coarse_map, lambda _: joined, category_names, store_maps=store_maps)
         x, edge_attr, wanted = (np.asarray(graph[field]) for field in ("x", "edge_attr", "edge_label_index"))
         forth = np.concatenate(
             [
@@ -232,9 +231,11 @@ class Samples:
     """
 
     def __init__(self, frame: Frame, label_map: LabelMap, count: int) -> None:
-        grid = np.s_[STRIDE // 2 :: STRIDE, STRIDE // 2 :: STRIDE]
+        start = STRIDE // 2
+        grid = np.s_[start::STRIDE, start::STRIDE]
         owner, depth = label_map[grid].ravel(), frame.depth[grid].ravel().astype(np.float64)
-        rows, columns = (axis[grid].ravel().astype(np.float64) for axis in np.mgrid[: frame.height, : frame.width])
+        places = np.mgrid[start : frame.height : STRIDE, start : frame.width : STRIDE]
+        rows, columns = (axis.ravel().astype(np.float64) for axis in places)
         pixels = np.maximum(np.bincount(owner, minlength=count), 1)
 
         def mean(values: Floats) -> Floats:

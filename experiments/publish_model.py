@@ -1,0 +1,62 @@
+"""Put a trained checkpoint into the package, as the model that `Segmenter.pretrained()` loads.
+
+    python experiments/publish_model.py outputs/second_stage/<time>/checkpoint.safetensors
+
+What belongs to the machine it was trained on (the folders of the frames) and to the training's own bookkeeping (scores
+of epochs, which the tables in this folder have) is left out; weights and recipe stay as they are.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from sgbd.agglomeration import AgglomeratedGraph
+from sgbd.checkpoint import PRETRAINED_FILE, Checkpoint
+
+LIMIT = 400_000
+"""Bytes."""
+
+
+def published(checkpoint: Checkpoint) -> Checkpoint:
+    """Return a checkpoint without what belongs to one machine or one training run.
+
+    Args:
+        checkpoint: The model, of one or two stages.
+    """
+    recipe = {key: value for key, value in checkpoint.recipe.items() if key != "scores"}
+    if isinstance(recipe.get("dataset"), dict):
+        recipe["dataset"] = _without_folders(recipe["dataset"])
+    if checkpoint.first_stage is None:
+        return replace(checkpoint, recipe=recipe)
+    first_stage = published(checkpoint.first_stage)
+    # The recipe names its first stage by the digest of its content.
+    recipe["graph"] = {**recipe["graph"], "first_stage": AgglomeratedGraph(first_stage).first_stage}
+    return replace(checkpoint, recipe=recipe, first_stage=first_stage)
+
+
+def _without_folders(values: dict[str, Any]) -> dict[str, Any]:
+    return {
+        key: _without_folders(value) if isinstance(value, dict) else value
+        for key, value in values.items()
+        if not (isinstance(value, str) and Path(value).is_absolute())
+    }
+
+
+def main() -> None:
+    """Write the packaged model."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("checkpoint", type=Path)
+    parser.add_argument("--output", type=Path, default=PRETRAINED_FILE)
+    arguments = parser.parse_args()
+    model = published(Checkpoint.load(arguments.checkpoint))
+    content = model.to_bytes()
+    if len(content) > LIMIT:
+        raise SystemExit(f"the model has {len(content)} bytes; the limit of the packaged model is {LIMIT}")
+    print(f"{model.save(arguments.output)}: {len(content)} bytes")
+
+
+if __name__ == "__main__":
+    main()
