@@ -39,7 +39,9 @@ def main(config: DictConfig) -> None:
     dataset = with_truth(prepared, config.on_error)
     # By construction; a difference would mean that the graphs are not what the model was trained on.
     checkpoint.require(superpixels=dataset.recipe["superpixels"], graph=dataset.recipe["graph"])
-    evaluate = Evaluator(segmenter.partition, segmenter.rule, boundaries=config.boundaries)
+    evaluate = Evaluator(
+        segmenter.partition, segmenter.rule, boundaries=config.boundaries, calibration=segmenter.calibration
+    )
     evaluation = evaluate(dataset, segmenter.model, segmenter.objectness, progress=True)
     out = output_folder()
     # What was scored on what, for whoever finds the folder.

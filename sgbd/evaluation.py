@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,7 @@ import pandas as pd
 from torch import nn
 from tqdm import tqdm
 
+from sgbd.calibration import ScoreCalibration, expected_calibration_error, right_segments
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.label_map import unpack
 from sgbd.metrics import (
@@ -83,29 +84,37 @@ class Evaluation:
             - `seen`, `unseen`, `hm`: the paper's protocol by category, and the harmonic mean of the two;
               `oracle_seen`, `oracle_unseen`, `oracle_hm` for the best partition. Absent if the dataset does not tell
               seen from unseen categories.
+            - `calibration`: of the scores of the model's own objects, with a head: their expected calibration error
+              (10 bins) and Brier score, and for comparison their mean and the share that is right (intersection over
+              union with a true object above 0.75).
             - `edges`, `regions`: precision, recall and F of the cuts; adapted Rand error and variation of information.
         frames: One row a frame, indexed by name. Columns without a prefix are of `all`, those with `unaided_` and
             `oracle_` of these; `seen_` and `unseen_` are means over the frame's categories.
         categories: One row a category, indexed by its name; empty without categories. The column `seen` tells seen from
             unseen ones, if the dataset does.
+        objects: One row for each of the model's own objects: frame, score and whether it is right; empty without a
+            head.
     """
 
     scores: dict[str, float]
     frames: pd.DataFrame
     categories: pd.DataFrame
+    objects: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=["frame", "score", "right"]))
 
 
 @dataclass(frozen=True)
 class GraphScores:
     """Scores of one partitioned graph, by protocol; see `Evaluation`.
 
-    `unaided` is None if the method does not say what an object is, `oracle_by_category` if there are no superpixels.
+    `unaided` is None if the method does not say what an object is, `oracle_by_category` if there are no superpixels,
+    `objects` (as of `Evaluation`) if it does not say how sure it is of an object.
     """
 
     all: FrameScores
     unaided: FrameScores | None
     by_category: CategoryScores
     oracle_by_category: CategoryScores | None
+    objects: pd.DataFrame | None = None
 
 
 class Evaluator:
@@ -115,12 +124,21 @@ class Evaluator:
         partition: The partitioner.
         rule: Which segments are objects.
         boundaries: Score contours too, which needs the packed maps and most of the time.
+        calibration: What makes the scores of objects probabilities; None leaves them as they are.
     """
 
-    def __init__(self, partition: Partitioner, rule: ObjectRule | None = None, *, boundaries: bool = True) -> None:
+    def __init__(
+        self,
+        partition: Partitioner,
+        rule: ObjectRule | None = None,
+        *,
+        boundaries: bool = True,
+        calibration: ScoreCalibration | None = None,
+    ) -> None:
         self.partition = partition
         self.rule = rule or ObjectRule()
         self.boundaries = boundaries
+        self.calibration = calibration
 
     def __call__(
         self,
@@ -155,7 +173,7 @@ class Evaluator:
             with torch_threads(1):
                 for data in tqdm(dataset, "evaluating", unit="frame", disable=not progress):
                     classification = classify(model, objectness, data)
-                    segments = partition_graph(data, classification, self.partition, self.rule)
+                    segments = partition_graph(data, classification, self.partition, self.rule, self.calibration)
                     unaided = objectness is not None
                     scored.append(self.score(data, segments, dataset.category_names, unaided=unaided))
         finally:
@@ -227,7 +245,15 @@ class Evaluator:
             ),
             by_category=category_scores(table, category, prediction, truth),
             oracle_by_category=category_scores(oracle, category, oracle_prediction, truth),
+            objects=_judged_objects(data.name, table, segments) if unaided else None,
         )
+
+
+def _judged_objects(name: str, table: ContingencyTable, segments: Segments) -> pd.DataFrame:
+    """Say of each object of a frame whether it is right; of one without a pixel of known truth nobody can."""
+    judged = np.intersect1d(np.nonzero(segments.is_object)[0], table.segments)
+    right = right_segments(table, len(segments.area))
+    return pd.DataFrame({"frame": name, "score": segments.score[judged], "right": right[judged]})
 
 
 def mean_scores(scored: Sequence[GraphScores], seen: Collection[str]) -> Evaluation:
@@ -268,7 +294,16 @@ def mean_scores(scored: Sequence[GraphScores], seen: Collection[str]) -> Evaluat
     categories = category_table([frame.by_category for frame in scored])
     if seen:
         categories["seen"] = [name in seen for name in categories.index]
-    return Evaluation(scores, frames, categories)
+    judged = [frame.objects for frame in scored if frame.objects is not None]
+    if not any(map(len, judged)):
+        return Evaluation(scores, frames, categories)
+    objects = pd.concat(judged, ignore_index=True)
+    score, right = objects["score"].to_numpy(np.float64), objects["right"].to_numpy(np.bool_)
+    scores["calibration/expected_error"] = expected_calibration_error(score, right)
+    scores["calibration/brier"] = float(np.mean((score - right) ** 2))
+    scores["calibration/mean_score"] = float(score.mean())
+    scores["calibration/right_share"] = float(right.mean())
+    return Evaluation(scores, frames, categories, objects)
 
 
 def _seen_and_unseen_of_frames(scored: Sequence[GraphScores], seen: Collection[str]) -> pd.DataFrame:

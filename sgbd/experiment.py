@@ -175,7 +175,12 @@ def _tune(config: DictConfig, validation: SuperpixelGraphDataset, path: Path, fo
     tuned = instantiate(config.tuning)(
         validation, checkpoint.model, checkpoint.objectness, recipe["partition"], recipe["objects"], trust
     )
-    checkpoint.recipe |= {"partition": tuned.partition, "objects": tuned.objects, "tuning": tuned.summary}
+    checkpoint.recipe |= {
+        "partition": tuned.partition,
+        "objects": tuned.objects,
+        "tuning": tuned.summary,
+        "calibration": tuned.calibration,
+    }
     write_whole(folder / TUNING_FILE, tuned.table.to_csv(index=False).encode())
     checkpoint.save(path)
 
@@ -185,7 +190,7 @@ def _test(
 ) -> Evaluation:
     """Score the best epoch's checkpoint, as read from its file, on the test frames."""
     segmenter = Segmenter.load(trained.checkpoint, trust=trusted_packages(config))
-    evaluate = Evaluator(segmenter.partition, segmenter.rule)
+    evaluate = Evaluator(segmenter.partition, segmenter.rule, calibration=segmenter.calibration)
     evaluation = evaluate(dataset, segmenter.model, segmenter.objectness, progress=True)
     write_evaluation(evaluation, folder)
     source = frame_source(config.dataset, workers, "test")

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from sgbd.atomic_file import write_whole
 from sgbd.evaluation import Evaluation, score_table
 from sgbd.plot import segmentation_figure
+from sgbd.reliability import reliability_figure
 from sgbd.reporting.panels import GALLERY_FOLDER, write_index, write_panels
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameSource
@@ -21,7 +22,7 @@ PICTURE_DPI = 90
 
 
 def write_evaluation(evaluation: Evaluation, folder: Path) -> None:
-    """Write `scores.json`, `scores.md`, `frames.csv` and, with categories, `categories.csv`.
+    """Write `scores.json`, `scores.md`, `frames.csv`, with categories `categories.csv`, with objects `reliability.png`.
 
     Args:
         evaluation: The scores.
@@ -33,6 +34,9 @@ def write_evaluation(evaluation: Evaluation, folder: Path) -> None:
     write_whole(folder / "frames.csv", evaluation.frames.to_csv().encode())
     if len(evaluation.categories):
         write_whole(folder / "categories.csv", evaluation.categories.to_csv().encode())
+    if len(evaluation.objects):
+        score, right = (evaluation.objects[name].to_numpy() for name in ("score", "right"))
+        write_figure(reliability_figure(score, right.astype(bool)), folder / "reliability.png")
 
 
 def markdown(evaluation: Evaluation) -> str:

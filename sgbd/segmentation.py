@@ -12,6 +12,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
+from sgbd.calibration import ScoreCalibration, segment_features
 from sgbd.partition import Partitioner
 
 if TYPE_CHECKING:
@@ -68,7 +69,8 @@ class Segments:
         segment: int64 [N], the segment of each superpixel, 0..S-1.
         area: int64 [S], pixels.
         objectness: float32 [S], mean objectness over the segment's pixels; 1 without an objectness head.
-        score: float32 [S], confidence that the segment is one whole object: its objectness times the mean probability,
+        score: float32 [S], with a calibration the probability that its intersection over union with a true object is
+            above 0.75; without one a confidence that it is one whole object: its objectness times the mean probability,
             weighted by border length, that its inner edges merge and its outer edges cut.
         is_object: bool [S], whether the segment is taken for an object.
     """
@@ -116,7 +118,11 @@ class ObjectRule:
 
 
 def partition_graph(
-    data: Data | GraphTensors, classification: Classification, partition: Partitioner, rule: ObjectRule
+    data: Data | GraphTensors,
+    classification: Classification,
+    partition: Partitioner,
+    rule: ObjectRule,
+    calibration: ScoreCalibration | None = None,
 ) -> Segments:
     """Partition a classified graph and judge its segments.
 
@@ -125,6 +131,7 @@ def partition_graph(
         classification: What the networks say of it.
         partition: The partitioner.
         rule: Which segments are objects.
+        calibration: What makes the scores probabilities; None leaves them the confidences that `Segments` describes.
 
     Returns:
         The segments.
@@ -153,11 +160,14 @@ def partition_graph(
         objectness = np.ones(count)
     else:
         objectness = np.bincount(segment, area * classification.objectness, count) / segment_area
+    score = objectness * confidence
+    if calibration is not None:
+        score = calibration(segment_features(segment, area, pairs, probability, length, classification.objectness))
     return Segments(
         segment=segment,
         area=segment_area.astype(np.int64),
         objectness=objectness.astype(np.float32),
-        score=(objectness * confidence).astype(np.float32),
+        score=score.astype(np.float32),
         is_object=rule.accepts(objectness, segment_area),
     )
 
@@ -168,7 +178,7 @@ class Segmentation:
 
     Attributes:
         instances: int32 [H, W], 0 not an object, 1..K objects, the one with the largest score first.
-        scores: float32 [K], confidence that each object is one whole object, 0 to 1.
+        scores: float32 [K], 0 to 1, as `Segments.score`: with a calibration 0.9 means right nine times in ten.
         objectness: float32 [K], mean probability of its superpixels to belong to an object.
         superpixels: int32 [H, W], the over-segmentation, ids 0..N-1; of a model of two stages, the first one's
             segments.

@@ -13,6 +13,7 @@ import torch
 from torch import nn
 
 from sgbd.adjacency import LabelMap
+from sgbd.calibration import ScoreCalibration
 from sgbd.checkpoint import Checkpoint, CheckpointError, instantiate, pretrained_checkpoint
 from sgbd.features import EDGE_NAMES, NODE_NAMES, edge_columns, node_columns
 from sgbd.frame import Frame, Intrinsics
@@ -77,6 +78,8 @@ class Segmenter:
             instantiate(recipe.get("partition"), object, trust) if partition is None else partition  # type: ignore[assignment]
         )
         self.rule = instantiate(recipe.get("objects"), ObjectRule, trust) if rule is None else rule
+        calibration = recipe.get("calibration")
+        self.calibration = None if calibration is None else instantiate(calibration, ScoreCalibration, trust)
         self.model = checkpoint.model.to(self.device).eval()
         self.objectness = None if checkpoint.objectness is None else checkpoint.objectness.to(self.device).eval()
         features = recipe["features"]
@@ -163,7 +166,7 @@ class Segmenter:
         data = self.graph_tensors(frame, label_map)
         with torch_threads(self.threads):
             classification = classify(self.model, self.objectness, data)
-        segments = partition_graph(data, classification, self.partition, self.rule)
+        segments = partition_graph(data, classification, self.partition, self.rule, self.calibration)
         return paint(node_map(label_map, data), data, classification, segments)
 
     def build_graph(self, frame: Frame, label_map: LabelMap) -> Data:

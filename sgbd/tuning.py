@@ -14,10 +14,12 @@ import pandas as pd
 from torch import nn
 from torch_geometric.data import Data
 
+from sgbd.calibration import ScoreCalibration, right_segments, segment_features
 from sgbd.checkpoint import instantiate
 from sgbd.label_map import unpack
 from sgbd.metrics import ContingencyTable, objects_by_majority, score_frame
 from sgbd.partition import Partitioner
+from sgbd.recipe import describe
 from sgbd.segmentation import Classification, ObjectRule, Segments, classify, partition_graph
 from sgbd.torch_threads import torch_threads
 
@@ -44,12 +46,14 @@ class TuningResult:
         objects: The best rule's configuration.
         summary: For the recipe of a checkpoint: protocol, scores that were averaged, frames, and the mean before and
             after.
+        calibration: Configuration of the scores' calibration; None if it was not asked for or cannot be learned.
         table: One row for each setting tried, the best first; those without `boundary_f` were no finalists.
     """
 
     partition: dict[str, Any]
     objects: dict[str, Any]
     summary: dict[str, Any]
+    calibration: dict[str, Any] | None
     table: pd.DataFrame
 
 
@@ -73,6 +77,8 @@ class Tuning:
         min_area: Of the rule, pixels; only with an objectness head.
         rounds: Rounds of refinement of all that are numbers.
         finalists: How many settings are compared with contours.
+        calibrate: Whether to learn, with the settings found, what makes scores probabilities; only with an objectness
+            head. See `sgbd.calibration`.
     """
 
     threshold: Sequence[float] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
@@ -82,6 +88,7 @@ class Tuning:
     min_area: Sequence[int] = (50, 100, 200, 400)
     rounds: int = 2
     finalists: int = 5
+    calibrate: bool = True
 
     def __post_init__(self) -> None:
         """Check the numbers.
@@ -165,6 +172,7 @@ class Tuning:
                 "before": _mean(before),
                 "after": _mean(after),
             },
+            search.calibration(best) if self.calibrate and objectness is not None else None,
             table,
         )
 
@@ -243,6 +251,31 @@ class _Search:
         frame["mean"] = frame[list(SCORES)].mean(axis=1, skipna=False)
         frame["mean_without_contours"] = frame[list(OVERLAP_SCORES)].mean(axis=1)
         return frame.sort_values(["mean", "mean_without_contours"], ascending=False, kind="stable", ignore_index=True)
+
+    def calibration(self, setting: Setting) -> dict[str, Any] | None:
+        """Learn from the objects of a setting how likely each is right; None if there is nothing to learn."""
+        features, right = [], []
+        for data, known in self.classified:
+            segments, table = self._partition(data, known, setting)
+            columns = segment_features(
+                segments.segment,
+                data.area.numpy(),
+                data.edge_label_index.numpy(),
+                known.edge_probability,
+                data.border_length.numpy(),
+                known.objectness,
+            )
+            # Of a segment without any pixel of known truth nobody can say.
+            judged = np.intersect1d(self._objects(table, segments, setting), table.segments)
+            features.append(columns[judged])
+            right.append(right_segments(table, len(segments.area))[judged])
+        try:
+            fitted = ScoreCalibration.fit(np.concatenate(features), np.concatenate(right))
+        except ValueError as error:
+            log.warning("the scores stay uncalibrated: %s", error)
+            return None
+        described: dict[str, Any] = describe(fitted, "calibration")
+        return described
 
     def _partition(
         self, data: Data, classification: Classification, setting: Setting

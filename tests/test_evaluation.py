@@ -5,6 +5,7 @@ import pytest
 import torch
 from torch_geometric.data import Data
 
+from sgbd.calibration import SEGMENT_FEATURES, ScoreCalibration
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.evaluation import EvaluationError, Evaluator, score_table
 from sgbd.graph import GraphBuilder
@@ -69,6 +70,22 @@ def test_objects_that_the_head_misses_cost_recall_in_the_unaided_score_only(grap
     assert scores["unaided/overlap_f"] == 0
     assert scores["unaided/f75"] == 0
     assert scores["all/overlap_f"] == pytest.approx(scores["oracle/overlap_f"])
+
+
+def test_scores_of_objects_are_judged(graphs: SuperpixelGraphDataset) -> None:
+    evaluation = Evaluator(ConnectedComponents())(graphs, Truth(), TrueObjects())
+    scores, objects = evaluation.scores, evaluation.objects
+    assert objects["frame"].value_counts().to_dict() == {"scene8": 3, "scene9": 3, "scene10": 3}
+    assert objects["right"].all()
+    assert scores["calibration/right_share"] == 1
+    assert scores["calibration/expected_error"] == pytest.approx(1 - objects["score"].mean())
+    assert scores["calibration/brier"] == pytest.approx(((1 - objects["score"]) ** 2).mean())
+    half = ScoreCalibration(SEGMENT_FEATURES, [0.0] * 8, [1.0] * 8, [0.0] * 8, 0.0)
+    calibrated = Evaluator(ConnectedComponents(), calibration=half)(graphs, Truth(), TrueObjects())
+    assert calibrated.objects["score"].tolist() == [0.5] * 9
+    assert calibrated.scores["calibration/expected_error"] == 0.5
+    assert calibrated.scores["unaided/overlap_f"] == scores["unaided/overlap_f"]
+    assert len(Evaluator(ConnectedComponents())(graphs, Truth()).objects) == 0
 
 
 def test_merging_everything_finds_no_object(graphs: SuperpixelGraphDataset) -> None:

@@ -6,6 +6,8 @@ import torch
 from omegaconf import OmegaConf
 from torch_geometric.data import Data
 
+from sgbd.calibration import ScoreCalibration
+from sgbd.checkpoint import instantiate
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.evaluation import Evaluator
 from sgbd.graph import GraphBuilder
@@ -72,6 +74,29 @@ def test_objectness_in_the_partition_is_found_where_it_helps(graphs: SuperpixelG
     assert (result.partition["threshold"], result.partition["objectness_weight"]) == (0.5, 1.0)
     assert result.summary["before"] == 0
     assert result.summary["after"] > 0.99
+
+
+def test_scores_are_calibrated_with_the_settings_found(graphs: SuperpixelGraphDataset) -> None:
+    # With 0.9 alone all superpixels are apart, and only some objects are one superpixel.
+    given = {**SMALL, "threshold": [0.9], "min_objectness": [0.3]}
+    start = {**COMPONENTS, "threshold": 0.9}
+    result = Tuning(**given, rounds=0)(graphs, TooMerging(), TooStrict(), start, RULE)
+    calibration = instantiate(result.calibration, ScoreCalibration)
+    rule = ObjectRule(result.objects["min_objectness"], result.objects["min_area"])
+    scores = Evaluator(ConnectedComponents(0.9), rule, calibration=calibration)(
+        graphs, TooMerging(), TooStrict()
+    ).scores
+    assert 0 < scores["calibration/right_share"] < 1
+    assert scores["calibration/mean_score"] == pytest.approx(scores["calibration/right_share"], abs=1e-4)
+    plain = Evaluator(ConnectedComponents(0.9), rule)(graphs, TooMerging(), TooStrict()).scores
+    assert scores["calibration/brier"] < plain["calibration/brier"]
+    assert Tuning(**given, calibrate=False)(graphs, TooMerging(), TooStrict(), start, RULE).calibration is None
+
+
+def test_nothing_to_calibrate_on_is_told(graphs: SuperpixelGraphDataset, caplog: pytest.LogCaptureFixture) -> None:
+    result = Tuning(**SMALL)(graphs, TooMerging(), TooStrict(), COMPONENTS, RULE)
+    assert result.calibration is None
+    assert "the scores stay uncalibrated: 9 of 9 validation segments are right" in caplog.text
 
 
 def test_without_a_head_the_merging_alone_is_tuned(graphs: SuperpixelGraphDataset) -> None:
