@@ -175,12 +175,7 @@ def _tune(config: DictConfig, validation: SuperpixelGraphDataset, path: Path, fo
     tuned = instantiate(config.tuning)(
         validation, checkpoint.model, checkpoint.objectness, recipe["partition"], recipe["objects"], trust
     )
-    checkpoint.recipe |= {
-        "partition": tuned.partition,
-        "objects": tuned.objects,
-        "tuning": tuned.summary,
-        "calibration": tuned.calibration,
-    }
+    checkpoint.recipe |= tuned.sections
     write_whole(folder / TUNING_FILE, tuned.table.to_csv(index=False).encode())
     checkpoint.save(path)
 

@@ -117,6 +117,26 @@ class ObjectRule:
         return accepted
 
 
+def mean_objectness(
+    segment: npt.NDArray[np.int64], area: npt.NDArray[np.number], objectness: npt.NDArray[np.floating] | None
+) -> npt.NDArray[np.float64]:
+    """Return the mean objectness over the pixels of each segment.
+
+    Args:
+        segment: int64 [N], segment of each superpixel, 0..S-1.
+        area: [N], pixels of each superpixel.
+        objectness: float [N], of the superpixels; None counts as 1.
+
+    Returns:
+        float64 [S].
+    """
+    pixels = np.bincount(segment, area)
+    if objectness is None:
+        return np.ones(len(pixels))
+    mean: npt.NDArray[np.float64] = np.bincount(segment, area * objectness) / pixels
+    return mean
+
+
 def partition_graph(
     data: Data | GraphTensors,
     classification: Classification,
@@ -156,10 +176,7 @@ def partition_graph(
     agreement += np.bincount(second, right[~inside], count)
     confidence = np.where(total > 0, agreement / np.maximum(total, 1e-9), 1.0)
 
-    if classification.objectness is None:
-        objectness = np.ones(count)
-    else:
-        objectness = np.bincount(segment, area * classification.objectness, count) / segment_area
+    objectness = mean_objectness(segment, area, classification.objectness)
     score = objectness * confidence
     if calibration is not None:
         score = calibration(segment_features(segment, area, pairs, probability, length, classification.objectness))

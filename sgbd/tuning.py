@@ -9,18 +9,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from torch import nn
 from torch_geometric.data import Data
 
 from sgbd.calibration import ScoreCalibration, right_segments, segment_features
 from sgbd.checkpoint import instantiate
-from sgbd.label_map import unpack
-from sgbd.metrics import ContingencyTable, objects_by_majority, score_frame
 from sgbd.partition import Partitioner
 from sgbd.recipe import describe
-from sgbd.segmentation import Classification, ObjectRule, Segments, classify, partition_graph
+from sgbd.scored_partition import ScoredGraph
+from sgbd.segmentation import ObjectRule, classify
 from sgbd.torch_threads import torch_threads
 
 log = logging.getLogger(__name__)
@@ -56,6 +54,19 @@ class TuningResult:
     calibration: dict[str, Any] | None
     table: pd.DataFrame
 
+    @property
+    def sections(self) -> dict[str, Any]:
+        """What takes the place of the same sections in the recipe of a checkpoint.
+
+        The calibration among them also if it is None: an earlier one was learned with other thresholds.
+        """
+        return {
+            "partition": self.partition,
+            "objects": self.objects,
+            "tuning": self.summary,
+            "calibration": self.calibration,
+        }
+
 
 @dataclass(frozen=True)
 class Tuning:
@@ -67,7 +78,8 @@ class Tuning:
     First every combination of the given values is tried, then, round by round, values half-way between the best one and
     those tried on either side of it. All this without contours, which take most of the time; with them the finalists
     are compared, among them the setting that the search started from, so that the result is never worse than that on
-    these frames. Each graph goes through the networks once. Nothing is drawn at random.
+    these frames. Each graph goes through the networks once, and each partition of it is judged once, whatever the
+    number of rules. Nothing is drawn at random.
 
     Attributes:
         threshold: Of the partitioner: merge probabilities.
@@ -81,7 +93,7 @@ class Tuning:
             head. See `sgbd.calibration`.
     """
 
-    threshold: Sequence[float] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+    threshold: Sequence[float] = (0.1, 0.3, 0.5, 0.7, 0.9)
     border_weight: Sequence[str] = ("length", "log", "none")
     objectness_weight: Sequence[float] = (0.0, 1.0)
     min_objectness: Sequence[float] = (0.2, 0.35, 0.5, 0.65, 0.8)
@@ -132,13 +144,14 @@ class Tuning:
         Raises:
             ValueError: If there are no graphs, or one has no truth.
         """
+        classified = []
         with torch_threads(1):
-            classified = [(data, classify(model, objectness, data)) for data in graphs]
+            for data in graphs:
+                if "overlap_count" not in data:
+                    raise ValueError(f"frame {data.name!r} has no ground truth: thresholds cannot be chosen on it")
+                classified.append(ScoredGraph(data, classify(model, objectness, data)))
         if not classified:
             raise ValueError("there are no validation graphs to tune on; give the dataset some, or use tuning=none")
-        for data, _ in classified:
-            if "overlap_count" not in data:
-                raise ValueError(f"frame {data.name!r} has no ground truth: thresholds cannot be chosen on it")
 
         def partitioner(setting: Mapping[str, Any]) -> Partitioner:
             chosen = {name: value for name, value in setting.items() if name in PARTITION_PARAMETERS}
@@ -195,10 +208,8 @@ class Tuning:
 class _Search:
     """Settings tried so far, with their scores."""
 
-    def __init__(
-        self, classified: Sequence[tuple[Data, Classification]], partitioner: MakePartitioner, unaided: bool
-    ) -> None:
-        self.classified = classified
+    def __init__(self, graphs: Sequence[ScoredGraph], partitioner: MakePartitioner, unaided: bool) -> None:
+        self.graphs = graphs
         self.partitioner = partitioner
         self.unaided = unaided
         self.protocol = "unaided" if unaided else "all"
@@ -215,28 +226,24 @@ class _Search:
                 shared = tuple(setting.get(name) for name in PARTITION_PARAMETERS)
                 by_partition.setdefault(shared, []).append(setting)
         for group in by_partition.values():
-            partitioned = [(data, *self._partition(data, known, group[0])) for data, known in self.classified]
+            partitioner = self.partitioner(group[0])
+            partitions = [graph.partition(partitioner) for graph in self.graphs]
             for setting in group:
-                rows = [self._overlap(table, segments, setting) for _, segments, table in partitioned]
+                rule = self._rule(setting)
+                rows = [partition.overlap(partition.objects(rule)) for partition in partitions]
                 means = np.mean(rows, axis=0)
                 self.tried[_key(setting)] = dict(zip(OVERLAP_SCORES, means.tolist(), strict=True))
 
     def final(self, settings: Sequence[Setting]) -> Setting:
         """Score settings with contours too, and return the best; of equal ones the first."""
-        for setting in settings:
-            scores = []
-            for data, known in self.classified:
-                segments, table = self._partition(data, known, setting)
-                label_map, truth = (unpack(packed, _size(data)) for packed in (data.label_map, data.truth_map))
-                frame = score_frame(
-                    table,
-                    self._objects(table, segments, setting),
-                    prediction=segments.segment[label_map],
-                    truth=truth,
-                )
-                assert frame.boundary is not None
-                scores.append(frame.boundary.f_measure)
-            self.tried[_key(setting)]["boundary_f"] = float(np.mean(scores))
+        finalists = [(self.partitioner(setting), self._rule(setting)) for setting in settings]
+        rows = []
+        for graph in self.graphs:
+            label_map, truth = graph.maps()
+            partitions = [(graph.partition(partitioner), rule) for partitioner, rule in finalists]
+            rows.append([found.boundary_f(found.objects(rule), label_map, truth) for found, rule in partitions])
+        for setting, mean in zip(settings, np.mean(rows, axis=0).tolist(), strict=True):
+            self.tried[_key(setting)]["boundary_f"] = mean
         return max(settings, key=lambda setting: _mean(self.tried[_key(setting)]))
 
     def best(self, count: int) -> list[Setting]:
@@ -255,20 +262,21 @@ class _Search:
     def calibration(self, setting: Setting) -> dict[str, Any] | None:
         """Learn from the objects of a setting how likely each is right; None if there is nothing to learn."""
         features, right = [], []
-        for data, known in self.classified:
-            segments, table = self._partition(data, known, setting)
+        partitioner, rule = self.partitioner(setting), self._rule(setting)
+        for graph in self.graphs:
+            found, data, known = graph.partition(partitioner), graph.data, graph.classification
             columns = segment_features(
-                segments.segment,
+                found.segment,
                 data.area.numpy(),
                 data.edge_label_index.numpy(),
                 known.edge_probability,
                 data.border_length.numpy(),
                 known.objectness,
             )
-            # Of a segment without any pixel of known truth nobody can say.
-            judged = np.intersect1d(self._objects(table, segments, setting), table.segments)
+            # Without those that have no pixel of known truth: nobody can say whether they are right.
+            judged = found.objects(rule)
             features.append(columns[judged])
-            right.append(right_segments(table, len(segments.area))[judged])
+            right.append(right_segments(found.table, len(found.area))[judged])
         try:
             fitted = ScoreCalibration.fit(np.concatenate(features), np.concatenate(right))
         except ValueError as error:
@@ -277,28 +285,8 @@ class _Search:
         described: dict[str, Any] = describe(fitted, "calibration")
         return described
 
-    def _partition(
-        self, data: Data, classification: Classification, setting: Setting
-    ) -> tuple[Segments, ContingencyTable]:
-        segments = partition_graph(data, classification, self.partitioner(setting), ObjectRule())
-        superpixel, instance, count = data.overlap_index, data.overlap_instance, data.overlap_count
-        table = ContingencyTable.from_superpixels(superpixel, instance, count, segments.segment)
-        return segments, table
-
-    def _objects(self, table: ContingencyTable, segments: Segments, setting: Setting) -> npt.NDArray[np.int64]:
-        if not self.unaided:
-            return objects_by_majority(table)
-        rule = ObjectRule(setting["min_objectness"], setting["min_area"])
-        return np.nonzero(rule.accepts(segments.objectness, segments.area))[0]
-
-    def _overlap(self, table: ContingencyTable, segments: Segments, setting: Setting) -> tuple[float, float]:
-        overlap = score_frame(table, self._objects(table, segments, setting)).overlap
-        return overlap.f_measure, overlap.detected_share
-
-
-def _size(data: Data) -> tuple[int, int]:
-    height, width = data.image_size[0].tolist()
-    return height, width
+    def _rule(self, setting: Setting) -> ObjectRule | None:
+        return ObjectRule(setting["min_objectness"], setting["min_area"]) if self.unaided else None
 
 
 def _key(setting: Mapping[str, Any]) -> tuple[Any, ...]:
