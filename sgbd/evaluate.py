@@ -7,13 +7,12 @@ from omegaconf import DictConfig, OmegaConf
 
 from sgbd.checkpoint import Checkpoint, find_checkpoint
 from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
-from sgbd.evaluation import Evaluator, with_truth
+from sgbd.evaluation import Evaluator
 from sgbd.label_images import LabelImages
 from sgbd.label_map_evaluation import evaluate_label_maps
-from sgbd.pipeline import frame_source, graphs_for, splits_of
+from sgbd.pipeline import checkpoint_graphs, frame_source_of_split
 from sgbd.results import draw_examples, example_frames, markdown, write_evaluation
 from sgbd.segmenter import Segmenter
-from sgbd.sources import FrameSource
 
 
 @entry_point("evaluate")
@@ -33,12 +32,8 @@ def main(config: DictConfig) -> None:
         device=config.device,
         trust=trust,
     )
-    workers = count_workers(config.workers)
-    source = _frames(config, workers)
-    prepared = graphs_for(segmenter, source, config.cache_dir, workers, config.on_error)
-    dataset = with_truth(prepared, config.on_error)
-    # By construction; a difference would mean that the graphs are not what the model was trained on.
-    checkpoint.require(superpixels=dataset.recipe["superpixels"], graph=dataset.recipe["graph"])
+    source = frame_source_of_split(config.dataset, count_workers(config.workers), config.split)
+    dataset = checkpoint_graphs(config, checkpoint, segmenter, source)
     evaluate = Evaluator(
         segmenter.partition, segmenter.rule, boundaries=config.boundaries, calibration=segmenter.calibration
     )
@@ -55,20 +50,12 @@ def main(config: DictConfig) -> None:
     print(f"Scores of every frame and pictures: {out}")
 
 
-def _frames(config: DictConfig, workers: int) -> FrameSource:
-    source = frame_source(config.dataset, workers, config.split)
-    splits = splits_of(source)
-    if config.split not in splits:
-        raise ConfigurationError(f"the dataset has no split {config.split!r}; choose from {', '.join(splits)}")
-    return source
-
-
 def _score_label_images(config: DictConfig) -> None:
     """Score the label images of another system with the same metrics."""
     if config.checkpoint is not None:
         raise ConfigurationError("give checkpoint (a trained model) or predictions (label images), not both")
     workers = count_workers(config.workers)
-    source = _frames(config, workers)
+    source = frame_source_of_split(config.dataset, workers, config.split)
     found = evaluate_label_maps(
         source,
         LabelImages(config.predictions, config.first_object),

@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, Any, Literal
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 
-from sgbd.configuration import count_workers
+from sgbd.configuration import ConfigurationError, count_workers
 from sgbd.data import SuperpixelGraphDataset
+from sgbd.evaluation import with_truth
 from sgbd.node_block import NodeBlock
 from sgbd.node_block_cache import node_block_folder, prepare_node_block
 from sgbd.preparation import prepare
 from sgbd.sources import FrameSource
 
 if TYPE_CHECKING:
+    from sgbd.checkpoint import Checkpoint
     from sgbd.segmenter import Segmenter
 
 
@@ -42,6 +44,19 @@ def frame_source(dataset: DictConfig, workers: int, split: str | None = None) ->
 def splits_of(source: FrameSource) -> tuple[str, ...]:
     """Return the splits of a dataset; its own if it has none, so that reading that one says what is missing."""
     return source.splits or (source.split,)
+
+
+def frame_source_of_split(dataset: DictConfig, workers: int, split: str) -> FrameSource:
+    """Open one split of the configured dataset, as `frame_source` does.
+
+    Raises:
+        ConfigurationError: If the dataset has no such split.
+    """
+    source = frame_source(dataset, workers, split)
+    splits = splits_of(source)
+    if split not in splits:
+        raise ConfigurationError(f"the dataset has no split {split!r}; choose from {', '.join(splits)}")
+    return source
 
 
 def prepare_splits(config: DictConfig, splits: Sequence[str], block: NodeBlock | None = None) -> Path:
@@ -94,3 +109,24 @@ def graphs_for(
         features["edge"],
         node_block=None if block is None else node_block_folder(block),
     )
+
+
+def checkpoint_graphs(
+    config: DictConfig, checkpoint: Checkpoint, segmenter: Segmenter, source: FrameSource
+) -> SuperpixelGraphDataset:
+    """Prepare the graphs of frames with truth as a checkpoint's recipe says, or find them prepared.
+
+    Args:
+        config: A configuration with cache_dir, workers and on_error.
+        checkpoint: The checkpoint.
+        segmenter: Made of it.
+        source: The frames.
+
+    Returns:
+        The graphs that have truth, with the feature columns of the checkpoint's model.
+    """
+    prepared = graphs_for(segmenter, source, config.cache_dir, count_workers(config.workers), config.on_error)
+    dataset = with_truth(prepared, config.on_error)
+    # By construction; a difference would mean that the graphs are not what the model was trained on.
+    checkpoint.require(superpixels=dataset.recipe["superpixels"], graph=dataset.recipe["graph"])
+    return dataset

@@ -14,9 +14,11 @@ from pathlib import Path
 
 import imageio.v3 as iio
 import numpy as np
+import pandas as pd
 import pytest
 from hydra.core.hydra_config import HydraConfig
 
+from sgbd.checkpoint import Checkpoint
 from sgbd.frame import Frame
 from tests.desk import desk
 from tests.scenes import scene
@@ -110,6 +112,42 @@ def test_hard_frames_go_through_every_command(
     assert command("predict", f"rgb={frames / 'test'}", "checkpoint=trained", "output=predicted") == 0
     assert iio.imread(tmp_path / "predicted" / "one_pixel_labels.png").shape == (1, 1)
     assert len(list((tmp_path / "predicted").glob("*.json"))) == 6
+
+
+def test_a_checkpoint_is_tuned_into_another_file(
+    command: Command, frames: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = (f"dataset.root={frames}", "workers=0", "dataset=folder")
+    assert command("train", *SMALL, *data, "pictures=0", "hydra.run.dir=trained") == 0
+    trained = tmp_path / "trained" / "checkpoint.safetensors"
+    before = trained.read_bytes()
+    capsys.readouterr()
+    tune = (*data, "checkpoint=trained", "tuning.threshold=[0.3,0.7]", "tuning.rounds=0", "partition=multicut")
+    assert command("tune", *tune, "hydra.run.dir=tuned") == 0
+    assert "on 2 frames of val: mean of overlap_f, f75, boundary_f" in capsys.readouterr().out
+    assert trained.read_bytes() == before
+    old, new = (Checkpoint.load(tmp_path / name / "checkpoint.safetensors") for name in ("trained", "tuned"))
+    best = pd.read_csv(tmp_path / "tuned" / "tuning.csv").iloc[0]
+    assert new.recipe["partition"]["_target_"] == "sgbd.partition.GreedyMulticut"
+    assert new.recipe["partition"]["threshold"] == best["threshold"]
+    assert new.recipe["objects"]["min_objectness"] == best["min_objectness"]
+    assert new.recipe["tuning"]["frames"] == 2
+    assert new.recipe["dataset"] == old.recipe["dataset"]
+    weights = new.model.state_dict()
+    assert all(value.equal(weights[key]) for key, value in old.model.state_dict().items())
+    # Its scores on the same frames are those that the search has seen.
+    assert command("evaluate", *data, "checkpoint=tuned", "split=val", "pictures=0", "hydra.run.dir=scored") == 0
+    scores = json.loads((tmp_path / "scored" / "scores.json").read_text())
+    for name in ("overlap_f", "f75", "boundary_f"):
+        assert scores[f"unaided/{name}"] == pytest.approx(best[name])
+    # What cannot work is told before anything is written.
+    assert command("tune", *tune, "output=trained", "hydra.run.dir=again") == 1
+    assert "output=trained is the checkpoint that is to be tuned; name another file" in capsys.readouterr().err
+    assert trained.read_bytes() == before
+    assert command("tune", *data, "checkpoint=trained", "tuning=none", "hydra.run.dir=again") == 1
+    assert "use tuning=validation" in capsys.readouterr().err
+    assert command("tune", *tune, "split=dev", "hydra.run.dir=again") == 1
+    assert "no split 'dev'" in capsys.readouterr().err
 
 
 def test_reading_from_the_cache_or_memory_with_any_number_of_processes_gives_one_result(
