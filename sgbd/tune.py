@@ -30,8 +30,9 @@ def main(config: DictConfig) -> None:
         raise ConfigurationError(f"output={config.output} is the checkpoint that is to be tuned; name another file")
     trust = tuple(config.trust)
     checkpoint = Checkpoint.load(path, trust)
+    segmenter = Segmenter(checkpoint, node_block=instantiate(config.node_block), trust=trust)
     source = frame_source_of_split(config.dataset, count_workers(config.workers), config.split)
-    graphs = checkpoint_graphs(config, checkpoint, Segmenter(checkpoint, trust=trust), source)
+    graphs = checkpoint_graphs(config, checkpoint, segmenter, source)
     start = {
         section: checkpoint.recipe[section]
         if config[section] is None

@@ -96,10 +96,10 @@ class Tuning:
     threshold: Sequence[float] = (0.1, 0.3, 0.5, 0.7, 0.9)
     border_weight: Sequence[str] = ("length", "log", "none")
     objectness_weight: Sequence[float] = (0.0, 1.0)
-    min_objectness: Sequence[float] = (0.2, 0.35, 0.5, 0.65, 0.8)
-    min_area: Sequence[int] = (50, 100, 200, 400)
+    min_objectness: Sequence[float] = (0.2, 0.5, 0.8)
+    min_area: Sequence[int] = (50, 150, 400)
     rounds: int = 2
-    finalists: int = 5
+    finalists: int = 3
     calibrate: bool = True
 
     def __post_init__(self) -> None:

@@ -17,7 +17,6 @@ from scipy.optimize import linear_sum_assignment
 
 from sgbd.metrics.contingency import ContingencyTable
 from sgbd.metrics.f_measure import precision_recall_f
-from sgbd.metrics.label_index import label_index
 from sgbd.metrics.objects import FIRST_OBJECT, objects_by_label
 
 DETECTION_THRESHOLD: float = 0.75
@@ -91,8 +90,9 @@ def match_objects(table: ContingencyTable, objects: ArrayLike | None = None) -> 
         objects = objects_by_label(table)
     predicted_objects = np.intersect1d(np.asarray(objects, dtype=np.int64), table.segments)
     true_objects = table.instances[table.instances >= FIRST_OBJECT]
-    row = label_index(predicted_objects, table.segments)
-    column = label_index(true_objects, table.instances)
+    # Both lists of the table are ascending and hold all of these.
+    row = np.searchsorted(table.segments, predicted_objects)
+    column = np.searchsorted(table.instances, true_objects)
     shared = table.counts[np.ix_(row, column)].T  # [Q, P]
     predicted_area = table.segment_area[row]
     true_area = table.instance_area[column]
@@ -122,8 +122,8 @@ def overlap_scores(table: ContingencyTable, matching: Matching | None = None) ->
     if matching is None:
         matching = match_objects(table)
     right = int(matching.intersection.sum())
-    predicted_pixels = table.segment_area[label_index(matching.predicted_objects, table.segments)].sum()
-    true_pixels = table.instance_area[label_index(matching.true_objects, table.instances)].sum()
+    predicted_pixels = table.segment_area[np.searchsorted(table.segments, matching.predicted_objects)].sum()
+    true_pixels = table.instance_area[np.searchsorted(table.instances, matching.true_objects)].sum()
     precision, recall, f = precision_recall_f(right, int(predicted_pixels), right, int(true_pixels))
     predicted, objects = len(matching.predicted_objects), len(matching.true_objects)
     return OverlapScores(
