@@ -38,7 +38,7 @@ def test_scores_are_those_of_an_evaluation(graph: ScoredGraph, partitioner, rule
 def test_a_partition_met_again_is_the_same_and_other_objects_in_it_have_other_scores(graph: ScoredGraph) -> None:
     found = graph.partition(ConnectedComponents(0.6))
     assert graph.partition(ConnectedComponents(0.6)) is found
-    assert graph.partition(ConnectedComponents(1.0)) is not found
+    assert graph.partition(ConnectedComponents(0.99)) is not found
     everything, nothing = found.objects(ObjectRule(0, 0)), found.objects(ObjectRule(1, 10_000))
     assert len(everything) == len(found.table.segments)
     assert len(nothing) == 0
