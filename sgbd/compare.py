@@ -10,7 +10,7 @@ from sgbd.atomic_file import write_whole
 from sgbd.benchmarking.cost import measure_costs
 from sgbd.comparison import judge, load_methods, load_segmenters, write_failures, write_grids, write_scores
 from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
-from sgbd.pipeline import frame_source, splits_of
+from sgbd.pipeline import frame_source_of_split
 from sgbd.sources import FrameSource
 
 SECTIONS = ("scores", "failures", "pictures", "cost")
@@ -27,10 +27,7 @@ def main(config: DictConfig) -> None:
         if not isinstance(config[key], int) or config[key] < 1:
             raise ConfigurationError(f"{key} must be a number from 1; got {config[key]!r}")
     workers = count_workers(config.workers)
-    source = frame_source(config.dataset, workers, config.split)
-    splits = splits_of(source)
-    if config.split not in splits:
-        raise ConfigurationError(f"the dataset has no split {config.split!r}; choose from {', '.join(splits)}")
+    source = frame_source_of_split(config.dataset, workers, config.split)
     out = output_folder()
     out.mkdir(parents=True, exist_ok=True)
     write_whole(out / "config.yaml", OmegaConf.to_yaml(config, resolve=True).encode())

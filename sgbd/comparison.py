@@ -164,13 +164,15 @@ def judge_model(name: str, segmenter: Segmenter, source: FrameSource, config: Di
     """
     prepared = graphs_for(segmenter, source, config.cache_dir, workers, config.on_error)
     dataset = with_truth(prepared, config.on_error)
-    evaluator = Evaluator(segmenter.partition, segmenter.rule, boundaries=config.boundaries)
+    evaluator = Evaluator(
+        segmenter.partition, segmenter.rule, boundaries=config.boundaries, calibration=segmenter.calibration
+    )
     has_head = segmenter.objectness is not None
     scored, failures = [], []
     with torch_threads(1):
         for data in tqdm(dataset, name, unit="frame"):
             classification = classify(segmenter.model, segmenter.objectness, data)
-            segments = partition_graph(data, classification, segmenter.partition, segmenter.rule)
+            segments = partition_graph(data, classification, segmenter.partition, segmenter.rule, segmenter.calibration)
             scored.append(evaluator.score(data, segments, dataset.category_names, unaided=has_head))
             overlaps = (data.overlap_index.numpy(), data.overlap_instance.numpy(), data.overlap_count.numpy())
             table = ContingencyTable.from_superpixels(*overlaps, segments.segment)

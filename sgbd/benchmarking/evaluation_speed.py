@@ -52,7 +52,7 @@ def _frame_by_frame(
             data = dataset[index]
         with stopwatch.step(STAGES[1]):
             classification = classify(segmenter.model, segmenter.objectness, data)
-            segments = partition_graph(data, classification, segmenter.partition, segmenter.rule)
+            segments = partition_graph(data, classification, segmenter.partition, segmenter.rule, segmenter.calibration)
         for stage, judge in zip(STAGES[2:], judges.values(), strict=True):
             with stopwatch.step(stage):
                 judge.score(data, segments, dataset.category_names, unaided=segmenter.objectness is not None)

@@ -47,7 +47,7 @@ def segment_in_stages(segmenter: Segmenter, raw: RawFrame, stopwatch: Stopwatch)
     with stopwatch.step("model"):
         classification = classify(segmenter.model, segmenter.objectness, data)
     with stopwatch.step("partition"):
-        segments = partition_graph(data, classification, segmenter.partition, segmenter.rule)
+        segments = partition_graph(data, classification, segmenter.partition, segmenter.rule, segmenter.calibration)
     with stopwatch.step("painting"):
         return paint(node_map(label_map, data), data, classification, segments)
 
