@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -70,8 +71,8 @@ class Grid:
 
 
 class SlowGrid(Grid):
-    """A grid that takes its time, so that a test can interrupt it."""
+    """A grid that takes its time (seconds a frame, from the environment), so that a test can interrupt it."""
 
     def __call__(self, frame: Frame) -> npt.NDArray[np.int32]:
-        time.sleep(0.1)
+        time.sleep(float(os.environ.get("SLOW_GRID_SECONDS", "0.01")))
         return super().__call__(frame)

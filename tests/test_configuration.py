@@ -286,7 +286,7 @@ def main(config):
     if config.on_error == "fault":
         return [][1]
     print("ready", flush=True)
-    time.sleep(60)
+    time.sleep(600)
 
 if __name__ == "__main__":
     main()
@@ -308,7 +308,7 @@ def program(tmp_path):
 
 def test_expected_errors_are_printed_without_a_traceback(program):
     process = program("on_error=fail")
-    _, stderr = process.communicate(timeout=60)
+    _, stderr = process.communicate(timeout=300)
     assert process.returncode == 1
     assert "what it is\nand what to do\n" in stderr
     assert "Traceback" not in stderr
@@ -316,12 +316,12 @@ def test_expected_errors_are_printed_without_a_traceback(program):
 
 def test_the_traceback_can_be_asked_for(program):
     process = program("on_error=fail", HYDRA_FULL_ERROR="1")
-    assert "Traceback" in process.communicate(timeout=60)[1]
+    assert "Traceback" in process.communicate(timeout=300)[1]
 
 
 def test_faults_are_printed_with_their_traceback(program):
     process = program("on_error=fault")
-    _, stderr = process.communicate(timeout=60)
+    _, stderr = process.communicate(timeout=300)
     assert process.returncode == 1
     assert "Traceback" in stderr
     assert "IndexError" in stderr
@@ -329,7 +329,7 @@ def test_faults_are_printed_with_their_traceback(program):
 
 def test_a_wrong_choice_lists_the_choices(program):
     process = program("superpixels=voronoi")
-    _, stderr = process.communicate(timeout=60)
+    _, stderr = process.communicate(timeout=300)
     assert process.returncode == 1
     assert "Could not find 'superpixels/voronoi'" in stderr
     assert all(option in stderr for group, option in OPTIONS if group == "superpixels")
@@ -341,7 +341,7 @@ def test_ctrl_c_ends_with_130(program):
     assert process.stdout.readline() == "ready\n"
     time.sleep(0.2)
     process.send_signal(signal.SIGINT)
-    _, stderr = process.communicate(timeout=60)
+    _, stderr = process.communicate(timeout=300)
     assert process.returncode == 130
     assert "Interrupted." in stderr
     assert "Traceback" not in stderr
@@ -352,7 +352,7 @@ def test_options_of_ones_own(program, tmp_path):
     own.mkdir(parents=True)
     (own / "voronoi.yaml").write_text("_target_: my_package.Voronoi\ncells: 7\n")
     process = program("--config-dir", "mine", "superpixels=voronoi", "--cfg", "job")
-    stdout, stderr = process.communicate(timeout=60)
+    stdout, stderr = process.communicate(timeout=300)
     assert process.returncode == 0, stderr
     assert OmegaConf.create(stdout).superpixels == {"_target_": "my_package.Voronoi", "cells": 7}
 

@@ -18,7 +18,7 @@ ENTRIES = sorted(path.stem for path in (ROOT / "conf").glob("*.yaml"))
 
 def run(*command: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess:
     return subprocess.run(
-        command, cwd=cwd, env={**os.environ, **environment}, capture_output=True, text=True, timeout=300, check=False
+        command, cwd=cwd, env={**os.environ, **environment}, capture_output=True, text=True, timeout=600, check=False
     )
 
 

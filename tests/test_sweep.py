@@ -131,7 +131,7 @@ def launch(folder: Path, *arguments: str, **environment: str) -> subprocess.Comp
     (folder / "program.py").write_text(PROGRAM)
     variables = {**os.environ, **environment, "HYDRA_FULL_ERROR": "0"}
     command = [sys.executable, "program.py", *arguments]
-    return subprocess.run(command, cwd=folder, env=variables, capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run(command, cwd=folder, env=variables, capture_output=True, text=True, timeout=300, check=False)
 
 
 def test_a_sweep_with_a_failing_job_is_repeated_and_extended(tmp_path):

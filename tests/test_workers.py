@@ -84,7 +84,7 @@ def test_closing_stops_early() -> None:
     assert next(results) == 0
     start = time.monotonic()
     results.close()
-    assert time.monotonic() - start < 60, "the workers went on with the other 99,999"
+    assert time.monotonic() - start < 300, "the workers went on with the other 99,999"
 
 
 @pytest.mark.parametrize(
@@ -98,7 +98,7 @@ def test_bad_arguments(function: Callable[[int], int], workers: int, message: st
 def _run(folder: Path, script: str) -> subprocess.CompletedProcess[str]:
     (folder / "script.py").write_text(script)
     return subprocess.run(
-        [sys.executable, folder / "script.py"], capture_output=True, text=True, timeout=120, check=False
+        [sys.executable, folder / "script.py"], capture_output=True, text=True, timeout=300, check=False
     )
 
 

@@ -226,7 +226,7 @@ def test_reading_needs_no_package_of_the_extra(root: Path) -> None:
         "source.generate()\n"
         "assert source[3].categories\n"
     )
-    subprocess.run([sys.executable, "-c", script], check=True, timeout=120)
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=300)
 
 
 def test_a_full_disk_is_a_clear_error_and_leaves_no_half_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
