@@ -2,8 +2,8 @@
 
     python experiments/publish_model.py outputs/second_stage/<time>/checkpoint.safetensors
 
-What belongs to the machine it was trained on (the folders of the frames) and to the training's own bookkeeping (scores
-of epochs, which the tables in this folder have) is left out; weights and recipe stay as they are.
+What belongs to the machine it was trained on (where the folder of the frames lies) and to the training's own
+bookkeeping (scores of epochs, which the tables in this folder have) is left out; weights and recipe stay as they are.
 """
 
 from __future__ import annotations
@@ -38,10 +38,12 @@ def published(checkpoint: Checkpoint) -> Checkpoint:
 
 
 def _without_folders(values: dict[str, Any]) -> dict[str, Any]:
+    """Return values with the last part only of absolute paths."""
     return {
-        key: _without_folders(value) if isinstance(value, dict) else value
+        key: _without_folders(value)
+        if isinstance(value, dict)
+        else (Path(value).name if isinstance(value, str) and Path(value).is_absolute() else value)
         for key, value in values.items()
-        if not (isinstance(value, str) and Path(value).is_absolute())
     }
 
 
