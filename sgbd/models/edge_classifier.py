@@ -121,9 +121,30 @@ class EdgeClassifier(nn.Module, ABC):
         # products may round a row differently at another place in the matrix.
         forth = torch.stack([pairs.amin(0), pairs.amax(0)])
         both = torch.cat([forth, forth.flip(0)], dim=1)
-        logits = self.score_pairs(nodes, self._edge_states(edges, data.edge_index, both, nodes.size(0)), both)
-        count = pairs.size(1)
-        return (logits[:count] + logits[count:]) / 2
+        return self._mean_of_directions(nodes, self._edge_states(edges, data.edge_index, both, nodes.size(0)), both)
+
+    def pair_logits(self, x: Tensor, pairs: Tensor, edge_attr: Tensor) -> Tensor:
+        """Give the merge logits of a whole graph in the layout of `sgbd.graph.build_graph`, as evaluation does.
+
+        Nothing is looked up or checked, so that the operations can be traced for graphs of any size. A class with a
+        `forward` of its own needs a method of its own here, too.
+
+        Args:
+            x: float32 [N, F], as `Data.x`.
+            pairs: int64 [2, E], every adjacency once, i < j.
+            edge_attr: float32 [2E, D], edge features of the pairs, then of the same pairs reversed.
+
+        Returns:
+            float32 [E], merge logits.
+        """
+        both = torch.cat([pairs, pairs.flip(0)], dim=1)
+        nodes, edges = self.embed(self.standardize_nodes(x), both, self.standardize_edges(edge_attr))
+        return self._mean_of_directions(nodes, edges, both)
+
+    def _mean_of_directions(self, nodes: Tensor, edges: Tensor, both: Tensor) -> Tensor:
+        """Return the mean logit of pairs [2, 2P] of which the second half is the first one, reversed."""
+        forth, back = self.score_pairs(nodes, edges, both).view(2, -1)
+        return (forth + back) / 2
 
     @staticmethod
     def _edge_states(edges: Tensor, edge_index: Tensor, pairs: Tensor, num_nodes: int) -> Tensor:

@@ -29,7 +29,7 @@ class RowNorm(nn.Module):
     def forward(self, rows: Tensor) -> Tensor:
         """Normalise rows [R, channels]."""
         norm = self.module
-        if rows.size(0) > 1 or not self.training:
+        if not self.training or rows.size(0) > 1:
             normalised: Tensor = norm(rows)
             return normalised
         return batch_norm(rows, norm.running_mean, norm.running_var, norm.weight, norm.bias, False, 0.0, norm.eps)
@@ -97,7 +97,7 @@ class Perceptron(nn.Module):
         layers.
         """
         layers = self.folded()
-        return torch.cat([_through(layers, block) for block in rows.split(EVALUATED_AT_ONCE)])
+        return torch.cat([_through(layers, rows[block]) for block in _blocks(rows.size(0))])
 
     def evaluate_pairs(self, nodes: Tensor, edges: Tensor, pairs: Tensor) -> Tensor:
         """Compute what `evaluate` gives for the rows ``[nodes[pairs[0]], nodes[pairs[1]], edges]``.
@@ -119,14 +119,20 @@ class Perceptron(nn.Module):
         of_target = linear(nodes, weight[:, width : 2 * width], bias)
         of_edge = weight[:, 2 * width :].t()
         found = []
-        for start in range(0, pairs.size(1), EVALUATED_AT_ONCE):
-            block = slice(start, start + EVALUATED_AT_ONCE)
+        for block in _blocks(pairs.size(1)):
             rows = of_source.index_select(0, pairs[0, block])
             rows += of_target.index_select(0, pairs[1, block])
             if edges.size(1):
                 rows.addmm_(edges[block], of_edge)
             found.append(_through(layers, rows.relu_() if hidden else rows))
         return torch.cat(found) if found else nodes.new_empty(0, self.out_channels)
+
+
+def _blocks(count: int) -> list[slice]:
+    """Divide rows into blocks; a single one where the operations are traced for any number of rows."""
+    if torch.compiler.is_compiling():
+        return [slice(None)]
+    return [slice(start, start + EVALUATED_AT_ONCE) for start in range(0, count, EVALUATED_AT_ONCE)]
 
 
 def _through(layers: Sequence[tuple[Tensor, Tensor, bool]], rows: Tensor) -> Tensor:

@@ -154,6 +154,15 @@ class SymmetricGCN(EdgeClassifier):
             edges = edges.index_select(0, edge_positions(pairs, ordered, nodes.size(0)))
         return self.score(nodes.index_select(0, asked[0]), nodes.index_select(0, asked[1]), edges)
 
+    def pair_logits(self, x: Tensor, pairs: Tensor, edge_attr: Tensor) -> Tensor:
+        """Give the merge logits of a whole graph; see `EdgeClassifier.pair_logits`."""
+        attributes, count = self.standardize_edges(edge_attr), pairs.size(1)
+        nodes = self.node_encoder(self.standardize_nodes(x))
+        edges = self.edge_encoder(mean_and_difference(attributes[:count], attributes[count:]))
+        for layer in self.layers:
+            nodes, edges = layer(nodes, edges, pairs)
+        return self.score(nodes.index_select(0, pairs[0]), nodes.index_select(0, pairs[1]), edges)
+
     def score(self, source: Tensor, target: Tensor, edge: Tensor) -> Tensor:
         """Score pairs, the same in both directions; see `EdgeClassifier.score`."""
         logits: Tensor = self.readout(torch.cat([source + target, (source - target).abs(), edge], dim=1))
@@ -185,5 +194,17 @@ def undirected(edge_index: Tensor, edge_attr: Tensor, num_nodes: int) -> tuple[T
             edge = tuple(edge_index[:, alone[0]].tolist())
             raise ValueError(f"every edge needs its opposite in edge_index; the edge {edge} has none")
         back = back.index_select(0, edge_positions(opposite, pairs, num_nodes))
-    there, here = edge_attr.index_select(0, forth), edge_attr.index_select(0, back)
-    return pairs, torch.cat([(there + here) / 2, (there - here).abs() / 2], dim=1)
+    return pairs, mean_and_difference(edge_attr.index_select(0, forth), edge_attr.index_select(0, back))
+
+
+def mean_and_difference(forth: Tensor, back: Tensor) -> Tensor:
+    """Make one row of the attributes of the two directions of an edge.
+
+    Args:
+        forth: float32 [E, D], from i to j.
+        back: float32 [E, D], from j to i.
+
+    Returns:
+        float32 [E, 2 D], their mean and the size of half their difference.
+    """
+    return torch.cat([(forth + back) / 2, (forth - back).abs() / 2], dim=1)

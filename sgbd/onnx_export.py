@@ -1,0 +1,393 @@
+"""Trained networks as ONNX models, to be checked against PyTorch before they are written."""
+
+from __future__ import annotations
+
+import copy
+import importlib
+import io
+import json
+import logging
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor, nn
+
+from sgbd import __version__
+from sgbd.availability import NotAvailableError
+from sgbd.benchmarking.timing import Timing, take_turns
+from sgbd.checkpoint import Checkpoint, instantiate
+from sgbd.configuration import ConfigurationError
+from sgbd.features import EDGE_NAMES, NODE_NAMES, edge_columns, node_columns
+from sgbd.models import EdgeClassifier, ObjectnessHead
+from sgbd.node_block import split_groups
+from sgbd.own_columns import own_columns
+from sgbd.torch_threads import torch_threads
+
+if TYPE_CHECKING:
+    import onnxruntime
+
+METADATA_KEY = "sgbd"
+TOLERANCE = 1e-5
+"""Largest difference of a logit s from PyTorch's, as a share of 1 + |s|: float32 has no more digits of large ones."""
+SIZES = ((1, 0), (2, 1), (40, 95), (600, 1550), (1500, 4000))
+"""Nodes and pairs of the graphs that a model is checked on."""
+SMALLEST_OPSET = 18
+"""The first with sums and maxima over the rows of a group, which message passing needs."""
+
+
+class ExportError(ValueError):
+    """A model that cannot be exported; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """Agreement and speed on one graph.
+
+    Attributes:
+        nodes: Superpixels.
+        pairs: Adjacencies.
+        difference: Largest difference of a logit s from PyTorch's, as a share of 1 + |s|.
+        torch: Time of PyTorch; None if it was not measured.
+        onnx: Time of ONNX Runtime.
+    """
+
+    nodes: int
+    pairs: int
+    difference: float
+    torch: Timing | None = None
+    onnx: Timing | None = None
+
+
+class Networks(nn.Module):
+    """Edge model and objectness head, from plain tensors to plain tensors.
+
+    Args:
+        model: The edge model; a copy of it is taken.
+        objectness: The objectness head, if there is one; copied too.
+    """
+
+    def __init__(self, model: EdgeClassifier, objectness: ObjectnessHead | None) -> None:
+        super().__init__()
+        self.model = copy.deepcopy(model)
+        self.objectness = copy.deepcopy(objectness)
+        self.cpu().eval()
+
+    def forward(self, x: Tensor, pairs: Tensor, edge_attr: Tensor | None = None) -> tuple[Tensor, ...]:
+        """Classify pairs and superpixels of a graph in the layout of `sgbd.graph.build_graph`.
+
+        Args:
+            x: float32 [N, F], node features.
+            pairs: int64 [2, E], every adjacency once, i < j.
+            edge_attr: float32 [2E, D], edge features of the pairs, then of the same pairs reversed; None if the model
+                has none.
+
+        Returns:
+            Merge logits float32 [E] and, with a head, object logits float32 [N].
+        """
+        if edge_attr is None:
+            edge_attr = x.new_zeros(2 * pairs.size(1), 0)
+        merge = self.model.pair_logits(x, pairs, edge_attr)
+        if self.objectness is None:
+            return (merge,)
+        # Of PyG's `Data` the head reads no more than this.
+        graph = SimpleNamespace(x=x, edge_index=torch.cat([pairs, pairs.flip(0)], dim=1))
+        return merge, self.objectness(graph)
+
+
+def to_onnx(checkpoint: Checkpoint, opset: int = SMALLEST_OPSET, trust: Sequence[str] = ()) -> bytes:
+    """Make an ONNX model of a checkpoint's networks, without those of a first stage.
+
+    Args:
+        checkpoint: The networks and their recipe.
+        opset: Version of the ONNX operators.
+        trust: Names of packages beside `sgbd` whose classes the recipe may name.
+
+    Returns:
+        The file's content. Inputs and outputs are those of `Networks`, for any number of nodes and pairs; `edge_attr`
+        is missing if the model has no edge features, `object_logits` without a head. The metadata has under the key
+        `sgbd` a JSON text with the recipe, the names of the feature columns, and what the inputs and outputs are.
+
+    Raises:
+        sgbd.availability.NotAvailableError: If a package that the export needs is missing.
+        ConfigurationError: If the opset is none that can be written.
+        ExportError: If PyTorch cannot turn the model into ONNX operators.
+    """
+    onnx = _required("onnx")
+    _required("onnxscript")
+    newest = onnx.defs.onnx_opset_version()
+    if not isinstance(opset, int) or not SMALLEST_OPSET <= opset <= newest:
+        raise ConfigurationError(f"opset must be an integer from {SMALLEST_OPSET} to {newest}; got {opset!r}")
+    told = description(checkpoint, opset, trust)
+    names = input_names(checkpoint)
+    example = random_graph(checkpoint, 7, 9, np.random.default_rng(0))
+    nodes, pairs = torch.export.Dim("nodes", min=2), torch.export.Dim("pairs", min=2)
+    shapes: dict[str, Any] = {"x": {0: nodes}, "pairs": {1: pairs}, "edge_attr": {0: 2 * pairs}}
+    written = io.BytesIO()
+    with _silence():
+        try:
+            program = torch.onnx.export(
+                Networks(checkpoint.model, checkpoint.objectness),
+                tuple(torch.from_numpy(example[name]) for name in names),
+                input_names=list(names),
+                output_names=list(output_names(checkpoint)),
+                opset_version=opset,
+                dynamo=True,
+                dynamic_shapes=tuple(shapes[name] for name in names),
+                custom_translation_table={torch.ops.aten.sigmoid.default: _sigmoid},
+                verbose=False,
+            )
+        except torch.onnx.OnnxExporterError as error:
+            reason = str(error.__cause__ or error).strip().splitlines()[0]
+            raise ExportError(
+                f"{type(checkpoint.model).__name__} cannot be turned into ONNX operators of opset {opset}: {reason}. "
+                "A model of your own must have a method pair_logits without branches that depend on values; see "
+                "sgbd.models.EdgeClassifier."
+            ) from error
+        assert program is not None
+        program.save(written)
+    model = onnx.load_from_string(written.getvalue())
+    (got,) = (entry.version for entry in model.opset_import if entry.domain == "")
+    if got != opset:
+        raise ExportError(
+            f"PyTorch wrote {type(checkpoint.model).__name__} in opset {got} instead of {opset}. Choose opset={got}."
+        )
+    model.doc_string = f"sgbd {__version__}: merge logits of pairs of superpixels"
+    onnx.helper.set_model_props(model, {METADATA_KEY: json.dumps(told, sort_keys=True)})
+    onnx.checker.check_model(model)
+    content: bytes = model.SerializeToString()
+    return content
+
+
+def _sigmoid(values: Any) -> Any:
+    """Write a sigmoid as 1 / (1 + exp(-v)).
+
+    ONNX Runtime's own is exact to 1e-7 of 1, not of its value. Where all gates around a node are all but shut, a gated
+    convolution divides by their sum, and logits would be off by a per cent.
+    """
+    from onnxscript import opset18
+
+    return opset18.Reciprocal(opset18.Add(opset18.Exp(opset18.Neg(values)), 1.0))
+
+
+def description(checkpoint: Checkpoint, opset: int, trust: Sequence[str] = ()) -> dict[str, Any]:
+    """Return what a user of the file has to know, as JSON values; arguments and errors as of `to_onnx`."""
+    meaning = {
+        "x": "float32 [nodes, F], node features, columns as node_columns, not standardised",
+        "pairs": "int64 [2, pairs], every adjacency once, i < j",
+        "edge_attr": "float32 [2*pairs, D], edge features of the pairs, then of the same pairs reversed, columns as "
+        "edge_columns, not standardised",
+        "merge_logits": "float32 [pairs], the merge probability is their sigmoid",
+        "object_logits": "float32 [nodes], the objectness is their sigmoid",
+    }
+    node_names, edge_names = column_names(checkpoint, trust)
+    return {
+        "version": __version__,
+        "opset": opset,
+        "inputs": {name: meaning[name] for name in input_names(checkpoint)},
+        "outputs": {name: meaning[name] for name in output_names(checkpoint)},
+        "node_columns": node_names,
+        "edge_columns": edge_names,
+        "recipe": checkpoint.recipe,
+    }
+
+
+def column_names(checkpoint: Checkpoint, trust: Sequence[str] = ()) -> tuple[list[str], list[str]]:
+    """Name the feature columns that a model reads, in their order.
+
+    Args:
+        checkpoint: The networks and their recipe.
+        trust: Names of packages beside `sgbd` whose classes the recipe may name.
+
+    Returns:
+        Names of the columns of nodes and of edges. Those of a node block are its group's name and a number: to ask the
+        block itself, its weights would have to be there.
+
+    Raises:
+        ExportError: If the recipe names other columns than the model reads.
+    """
+    features, model = checkpoint.recipe["features"], checkpoint.model
+    own = own_columns(instantiate(checkpoint.recipe.get("graph"), object, trust))
+    stored, others = split_groups(features["node"])
+    nodes = [*(NODE_NAMES[column] for column in node_columns(stored)), *own.get("own_node_columns", [])]
+    for group in others:
+        nodes += [f"{group}_{number}" for number in range(model.node_channels - len(nodes))]
+    edges = [*(EDGE_NAMES[column] for column in edge_columns(features["edge"])), *own.get("own_edge_columns", [])]
+    if (len(nodes), len(edges)) != (model.node_channels, model.edge_channels):
+        raise ExportError(
+            f"the recipe names {len(nodes)} node and {len(edges)} edge feature columns, but the model reads "
+            f"{model.node_channels} and {model.edge_channels}. The checkpoint may be of another version: train anew."
+        )
+    return nodes, edges
+
+
+def input_names(checkpoint: Checkpoint) -> tuple[str, ...]:
+    """Return the names of the model's inputs."""
+    return ("x", "pairs", "edge_attr") if checkpoint.model.edge_channels else ("x", "pairs")
+
+
+def output_names(checkpoint: Checkpoint) -> tuple[str, ...]:
+    """Return the names of the model's outputs."""
+    return ("merge_logits",) if checkpoint.objectness is None else ("merge_logits", "object_logits")
+
+
+def random_graph(
+    checkpoint: Checkpoint, nodes: int, pairs: int, generator: np.random.Generator
+) -> dict[str, npt.NDArray[Any]]:
+    """Make up a graph whose features are spread as those that the model was trained on.
+
+    Args:
+        checkpoint: The networks.
+        nodes: Number of nodes.
+        pairs: Number of different pairs.
+        generator: Source of the numbers.
+
+    Returns:
+        x, pairs and edge_attr, as of `Networks.forward`.
+    """
+    first, second = np.triu_indices(nodes, 1)
+    chosen = np.sort(generator.choice(len(first), pairs, replace=False)) if pairs else np.zeros(0, np.int64)
+    columns = {
+        "x": (checkpoint.model.standardize_nodes, nodes),
+        "edge_attr": (checkpoint.model.standardize_edges, 2 * pairs),
+    }
+    features = {
+        name: standardize.mean.cpu().numpy()
+        + standardize.scale.cpu().numpy() * generator.standard_normal((rows, len(standardize.mean)))
+        for name, (standardize, rows) in columns.items()
+    }
+    return {
+        **{name: values.astype(np.float32) for name, values in features.items()},
+        "pairs": np.stack([first[chosen], second[chosen]]).astype(np.int64),
+    }
+
+
+def session(content: bytes) -> onnxruntime.InferenceSession:
+    """Open an ONNX model on one thread of the CPU.
+
+    Raises:
+        sgbd.availability.NotAvailableError: If ONNX Runtime is missing.
+        ExportError: If it cannot run the model.
+    """
+    runtime = _required("onnxruntime")
+    options = runtime.SessionOptions()
+    options.intra_op_num_threads = 1
+    options.log_severity_level = 3  # errors only: the opset's warnings are for its own developers
+    try:
+        return runtime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # its exceptions have no class in common
+        raise ExportError(
+            f"ONNX Runtime {runtime.__version__} cannot run the model: {str(error).strip()} Choose a smaller opset "
+            f"({SMALLEST_OPSET} or more), or a newer ONNX Runtime. Nothing was written."
+        ) from error
+
+
+def check(
+    checkpoint: Checkpoint, content: bytes, sizes: Sequence[tuple[int, int]] = SIZES, repeats: int = 0
+) -> list[Check]:
+    """Compare an ONNX model with the networks as they are evaluated, on graphs of several sizes.
+
+    Args:
+        checkpoint: The networks.
+        content: The ONNX model.
+        sizes: Nodes and pairs of each graph.
+        repeats: How often each is timed; 0 for not at all.
+
+    Returns:
+        The agreement of each.
+
+    Raises:
+        ExportError: If they differ by more than `TOLERANCE`.
+    """
+    model = checkpoint.model.cpu().eval()
+    head = None if checkpoint.objectness is None else checkpoint.objectness.cpu().eval()
+    running = session(content)
+    generator = np.random.default_rng(1)
+    checks = []
+    for nodes, pairs in sizes:
+        graph = random_graph(checkpoint, nodes, pairs, generator)
+        feed = {name: graph[name] for name in input_names(checkpoint)}
+        tensors = {name: torch.from_numpy(value) for name, value in graph.items()}
+        # The networks of this package ask a graph for nothing but its fields; others get what they are made for.
+        data = _fields(
+            x=tensors["x"],
+            edge_index=torch.cat([tensors["pairs"], tensors["pairs"].flip(0)], dim=1),
+            edge_attr=tensors["edge_attr"],
+            edge_label_index=tensors["pairs"],
+        )
+
+        @torch.inference_mode()
+        def by_torch(_: int = 0, data: Any = data) -> list[Tensor]:
+            return [model(data)] if head is None else [model(data), head(data)]
+
+        def by_onnx(_: int = 0, feed: Mapping[str, npt.NDArray[Any]] = feed) -> Any:
+            return running.run(None, dict(feed))
+
+        timings: dict[str, Timing] = {}
+        with torch_threads(1):
+            difference = largest_difference([logits.numpy() for logits in by_torch()], by_onnx())
+            # Written so that NaN does not pass.
+            if not difference <= TOLERANCE:
+                raise ExportError(
+                    f"the ONNX model's logits s differ from PyTorch's by {difference:.1e} of 1 + |s| on a graph of "
+                    f"{nodes} nodes and {pairs} pairs; at most {TOLERANCE:.0e} is allowed. Nothing was written. A "
+                    "model of your own with its own forward needs a pair_logits that gives the same."
+                )
+            if repeats:
+                timings = take_turns({"torch": by_torch, "onnx": by_onnx}, range(repeats)).timings()
+        checks.append(Check(nodes, pairs, difference, timings.get("torch"), timings.get("onnx")))
+    return checks
+
+
+def largest_difference(expected: Sequence[npt.NDArray[Any]], given: Sequence[npt.NDArray[Any]]) -> float:
+    """Return the largest difference of logits from the expected ones s, as a share of 1 + |s|.
+
+    Args:
+        expected: float [R] each.
+        given: As many, of the same shapes.
+
+    Returns:
+        The difference; NaN if there is one among the logits, infinity if shapes differ.
+    """
+    if [logits.shape for logits in expected] != [logits.shape for logits in given]:
+        return float("inf")
+    shares = [np.abs(theirs - ours) / (1 + np.abs(ours)) for ours, theirs in zip(expected, given, strict=True)]
+    return float(np.max(np.concatenate(shares), initial=0))
+
+
+def _fields(**tensors: Tensor) -> Any:
+    from torch_geometric.data import Data
+
+    return Data(**cast(Any, tensors))
+
+
+def _required(package: str) -> Any:
+    try:
+        return importlib.import_module(package)
+    except ImportError as error:
+        raise NotAvailableError(
+            f"the export needs the package {package}, which cannot be imported ({error}). Install the extra: "
+            "pip install 'sgbd[export]'"
+        ) from error
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keep PyTorch's exporter from telling about itself; its errors are exceptions."""
+    loggers = [logging.getLogger(name) for name in ("torch.onnx", "onnxscript", "onnx_ir")]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings(), redirect_stdout(io.StringIO()):
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
