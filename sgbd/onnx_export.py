@@ -25,7 +25,7 @@ from sgbd.benchmarking.timing import Timing, take_turns
 from sgbd.checkpoint import Checkpoint, instantiate
 from sgbd.configuration import ConfigurationError
 from sgbd.features import EDGE_NAMES, NODE_NAMES, edge_columns, node_columns
-from sgbd.models import EdgeClassifier, ObjectnessHead
+from sgbd.models import EdgeClassifier, EdgeTransformer, ObjectnessHead
 from sgbd.node_block import split_groups
 from sgbd.own_columns import own_columns
 from sgbd.torch_threads import torch_threads
@@ -129,7 +129,6 @@ def to_onnx(checkpoint: Checkpoint, opset: int = SMALLEST_OPSET, trust: Sequence
     example = random_graph(checkpoint, 7, 9, np.random.default_rng(0))
     nodes, pairs = torch.export.Dim("nodes", min=2), torch.export.Dim("pairs", min=2)
     shapes: dict[str, Any] = {"x": {0: nodes}, "pairs": {1: pairs}, "edge_attr": {0: 2 * pairs}}
-    written = io.BytesIO()
     with _silence():
         try:
             program = torch.onnx.export(
@@ -151,8 +150,7 @@ def to_onnx(checkpoint: Checkpoint, opset: int = SMALLEST_OPSET, trust: Sequence
                 "sgbd.models.EdgeClassifier."
             ) from error
         assert program is not None
-        program.save(written)
-    model = onnx.load_from_string(written.getvalue())
+    model = program.model_proto
     (got,) = (entry.version for entry in model.opset_import if entry.domain == "")
     if got != opset:
         raise ExportError(
@@ -288,15 +286,20 @@ def session(content: bytes) -> onnxruntime.InferenceSession:
         ) from error
 
 
+def least_pairs(checkpoint: Checkpoint) -> int:
+    """Return how many pairs a graph needs at least: ONNX Runtime cannot run PyG's attention over no edges at all."""
+    return int(isinstance(checkpoint.model, EdgeTransformer))
+
+
 def check(
-    checkpoint: Checkpoint, content: bytes, sizes: Sequence[tuple[int, int]] = SIZES, repeats: int = 0
+    checkpoint: Checkpoint, content: bytes, sizes: Sequence[tuple[int, int]] | None = None, repeats: int = 0
 ) -> list[Check]:
     """Compare an ONNX model with the networks as they are evaluated, on graphs of several sizes.
 
     Args:
         checkpoint: The networks.
         content: The ONNX model.
-        sizes: Nodes and pairs of each graph.
+        sizes: Nodes and pairs of each graph; None for `SIZES`, but for those that the model cannot do (`least_pairs`).
         repeats: How often each is timed; 0 for not at all.
 
     Returns:
@@ -310,6 +313,8 @@ def check(
     running = session(content)
     generator = np.random.default_rng(1)
     checks = []
+    if sizes is None:
+        sizes = [size for size in SIZES if size[1] >= least_pairs(checkpoint)]
     for nodes, pairs in sizes:
         graph = random_graph(checkpoint, nodes, pairs, generator)
         feed = {name: graph[name] for name in input_names(checkpoint)}

@@ -24,6 +24,7 @@ from sgbd.onnx_export import (
     check,
     column_names,
     largest_difference,
+    least_pairs,
     random_graph,
     session,
     to_onnx,
@@ -68,8 +69,10 @@ def exported(*overrides: str) -> tuple[Checkpoint, bytes]:
 @pytest.mark.parametrize("model", MODELS)
 def test_shipped_models_agree_on_graphs_of_every_size(model: str) -> None:
     checkpoint, content = exported(f"model={model}", "features=all")
-    checks = check(checkpoint, content, SIZES)
-    assert [(row.nodes, row.pairs) for row in checks] == list(SIZES)
+    sizes = [size for size in SIZES if size[1] >= least_pairs(checkpoint)]
+    assert len(sizes) == len(SIZES) - 2 * (model == "attention")
+    checks = check(checkpoint, content, sizes)
+    assert [(row.nodes, row.pairs) for row in checks] == sizes
     assert max(row.difference for row in checks) <= 1e-5
     assert checks[-1].torch is None
 

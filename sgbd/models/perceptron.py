@@ -132,7 +132,7 @@ def _blocks(count: int) -> list[slice]:
     """Divide rows into blocks; a single one where the operations are traced for any number of rows."""
     if torch.compiler.is_compiling():
         return [slice(None)]
-    return [slice(start, start + EVALUATED_AT_ONCE) for start in range(0, count, EVALUATED_AT_ONCE)]
+    return [slice(start, start + EVALUATED_AT_ONCE) for start in range(0, max(count, 1), EVALUATED_AT_ONCE)]
 
 
 def _through(layers: Sequence[tuple[Tensor, Tensor, bool]], rows: Tensor) -> Tensor:
