@@ -19,10 +19,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike
 
 from sgbd.metrics.boundary import ContourMap, match_contours
@@ -31,6 +30,9 @@ from sgbd.metrics.f_measure import f_measure, precision_recall_f
 from sgbd.metrics.label_index import label_index
 from sgbd.metrics.objects import objects_by_contact
 from sgbd.metrics.overlap import match_objects
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -135,6 +137,8 @@ def category_table(frames: Sequence[CategoryScores]) -> pd.DataFrame:
     Returns:
         A table with a row for each category, the columns of `PairScores` and ``frames``, how many frames count.
     """
+    import pandas as pd  # here: segmenting needs the metrics, and does not wait for pandas
+
     of_category: dict[Hashable, list[PairScores]] = {}
     for frame in frames:
         for name, scores in frame.scores.items():
@@ -155,6 +159,8 @@ def seen_and_unseen(frames: Sequence[CategoryScores], seen: Collection[Hashable]
         A table with the rows ``seen``, ``unseen`` and ``harmonic_mean``, the columns of `PairScores` and
         ``categories``, how many categories count. A row without categories is NaN, and so is then the harmonic mean.
     """
+    import pandas as pd
+
     table = category_table(frames)
     is_seen = np.array([name in seen for name in table.index], dtype=bool)
     groups = {"seen": table[is_seen], "unseen": table[~is_seen]}

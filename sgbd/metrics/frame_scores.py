@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
 
-import pandas as pd
 from numpy.typing import ArrayLike
 
 from sgbd.metrics.boundary import BoundaryScores, ContourMap, boundary_scores
@@ -13,6 +13,9 @@ from sgbd.metrics.clustering import ClusteringScores, clustering_scores
 from sgbd.metrics.contingency import ContingencyTable
 from sgbd.metrics.edges import EdgeScores
 from sgbd.metrics.overlap import OverlapScores, match_objects, overlap_scores
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -110,6 +113,8 @@ def score_frame(
 
 def frame_table(frames: Sequence[FrameScores]) -> pd.DataFrame:
     """A table with one row for each frame, indexed by name."""
+    import pandas as pd  # here: segmenting needs the metrics, and does not wait for pandas
+
     columns = [frame.as_dict() for frame in frames]
     return pd.DataFrame(columns).set_index("name") if columns else pd.DataFrame(index=pd.Index([], name="name"))
 
