@@ -91,7 +91,9 @@ def page(folder: Path, name: str, command: str, note: str, remarks: str) -> str:
         note: A sentence on the circumstances.
         remarks: What people wrote about the numbers.
     """
-    dataset = OmegaConf.load(folder / "config.yaml").dataset
+    config = OmegaConf.load(folder / "config.yaml")
+    dataset = config.dataset
+    renamed = "" if name == config.name else f" --name {name}"
     lines = [
         f"# {name}",
         f'```sh\n{command}\npython experiments/publish_comparison.py outputs/{name}/<time> --command "…"\n```',
