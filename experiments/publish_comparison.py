@@ -93,10 +93,10 @@ def page(folder: Path, name: str, command: str, note: str, remarks: str) -> str:
     """
     config = OmegaConf.load(folder / "config.yaml")
     dataset = config.dataset
-    renamed = "" if name == config.name else f" --name {name}"
+    made = f"outputs/{config.name}/<time>" + ("" if name == config.name else f" --name {name}")
     lines = [
         f"# {name}",
-        f'```sh\n{command}\npython experiments/publish_comparison.py outputs/{name}/<time> --command "…"\n```',
+        f'```sh\n{command}\npython experiments/publish_comparison.py {made} --command "…"\n```',
         f"Dataset `{dataset.get('name', dataset['_target_'].rpartition('.')[2])}`.",
         note,
     ]
