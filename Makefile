@@ -47,5 +47,5 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or later is needed; $(PYTHON) is $$($(PYTHON) -V 2>&1). Name another: make PYTHON=python3.12"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@echo "Installing into $(VENV); this takes some minutes the first time"
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[synthetic,pcd,dino,analysis,export,dev]'
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[synthetic,pcd,video,dino,analysis,export,dev]'
 	@touch $@

@@ -1,4 +1,4 @@
-"""python -m sgbd.predict: find the objects in a frame, or in a folder of frames."""
+"""python -m sgbd.predict: find the objects in a frame, a folder of frames, a recording or two videos."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tqdm.contrib.logging import logging_redirect_tqdm
 from sgbd.checkpoint import find_checkpoint
 from sgbd.configuration import ConfigurationError, entry_point, output_folder
 from sgbd.frame import FrameError
-from sgbd.prediction import RecordedFrames, write_segmentation
+from sgbd.prediction import find_frames, write_segmentation
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameReadError
 from sgbd.sources.camera import intrinsics_from
@@ -32,7 +32,9 @@ def main(config: DictConfig) -> None:
         device=config.device,
         trust=tuple(config.trust),
     )
-    frames = RecordedFrames(config.rgb, config.depth, intrinsics_from(config.intrinsics), config.depth_scale)
+    frames = find_frames(
+        config.rgb, config.depth, intrinsics_from(config.intrinsics), config.depth_scale, config.time_tolerance
+    )
     folder = output_folder() if config.output is None else Path(config.output).expanduser()
     failed = 0
     with logging_redirect_tqdm():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +15,87 @@ from sgbd.atomic_file import write_whole
 from sgbd.frame import MILLIMETRES, Frame, Intrinsics
 from sgbd.overlay import overlay
 from sgbd.segmentation import Segmentation
-from sgbd.sources import Folder, FrameReadError, FrameSource
+from sgbd.sources import ColorDepthRecording, Folder, FrameReadError, FrameSource, TumRecording, VideoPair
 from sgbd.sources.image import IMAGE_SUFFIXES, read_depth, read_rgb
+from sgbd.sources.notices import info_once
+from sgbd.sources.tum_recording import TOLERANCE, TUM_DEPTH_SCALE
+from sgbd.sources.video_pair import VIDEO_SUFFIXES
+
+log = logging.getLogger(__name__)
 
 
 class _RecordedFolder(Folder):
-    """A folder with the files of all frames, which is not given as a dataset."""
+    """A folder with the files of all frames, which is not given as a dataset; the last layout that is tried."""
 
-    remedy = "Give the folder of your frames as rgb, or rgb=<folder of colour images> depth=<folder of depth images>."
+    layout = "\n".join(
+        f"{title}:\n{layout.strip()}"
+        for title, layout in (
+            ("frames of your own", Folder.layout),
+            ("TUM RGB-D", TumRecording.layout),
+            ("Open3D, RealSense", ColorDepthRecording.layout),
+        )
+    )
+    remedy = (
+        "Give the folder of your frames as rgb, or rgb=<folder of colour images> depth=<folder of depth images>, or "
+        "two videos, rgb=<colours> depth=<depth>."
+    )
+
+
+def find_frames(
+    rgb: str | Path,
+    depth: str | Path | None = None,
+    intrinsics: Intrinsics | None = None,
+    depth_scale: float | None = None,
+    time_tolerance: float = TOLERANCE,
+) -> FrameSource:
+    """Recognise what was recorded, and say in a notice what it was taken for.
+
+    A folder with the lists of TUM RGB-D is `TumRecording`, whatever its subfolders are called: its depth is not in
+    millimetres. A folder with `color` and `depth` is `ColorDepthRecording`. Two videos are `VideoPair`, and everything
+    else is `RecordedFrames`.
+
+    Args:
+        rgb: A colour image, a video of colours, or a folder.
+        depth: A depth image, a video of depth, or a folder of depth images; None if the folder `rgb` holds both.
+        intrinsics: The camera of all frames; None takes what the recording says.
+        depth_scale: Metres of one unit of the depth; None takes what the recording or its layout says, or millimetres.
+        time_tolerance: Seconds between the two images of a frame, where they are paired by the lists of TUM RGB-D.
+
+    Returns:
+        The frames.
+
+    Raises:
+        FrameReadError: If it is nothing that frames are read from.
+        ValueError: If the scale is not positive or the tolerance is negative.
+    """
+    if depth_scale is not None and not depth_scale > 0:
+        raise ValueError(f"depth_scale must be positive, in metres a unit; got {depth_scale}")
+    if not time_tolerance >= 0:
+        raise ValueError(f"time_tolerance must be 0 or more, in seconds; got {time_tolerance}")
+    place = Path(rgb).expanduser()
+    scale = MILLIMETRES if depth_scale is None else depth_scale
+    if depth is None:
+        if TumRecording.recognizes(place):
+            return TumRecording(place, intrinsics, depth_scale or TUM_DEPTH_SCALE, time_tolerance)
+        if ColorDepthRecording.recognizes(place):
+            return ColorDepthRecording(place, intrinsics, depth_scale)
+        if place.is_dir():
+            info_once(log, "%s: taken for a folder of frames; the depth has %g units a metre", place, 1 / scale)
+        return RecordedFrames(place, None, intrinsics, scale)
+    places = (place, Path(depth).expanduser())
+    videos = [path.suffix.lower() in VIDEO_SUFFIXES and not path.is_dir() for path in places]
+    if all(videos):
+        return VideoPair(*places, intrinsics, scale)
+    if any(videos):
+        raise FrameReadError(places[videos.index(False)], "rgb and depth must both be videos, or both be images")
+    parent = place.parent
+    if depth_scale is None and places[1].parent == parent and places[1].is_dir() and TumRecording.recognizes(parent):
+        raise FrameReadError(
+            places[1],
+            f"the folder belongs to a recording as of TUM RGB-D, the depth of which is not in millimetres. Give "
+            f"rgb={parent} alone, or state the unit: depth_scale={TUM_DEPTH_SCALE:g} is TUM's.",
+        )
+    return RecordedFrames(*places, intrinsics, scale)
 
 
 class RecordedFrames(FrameSource):

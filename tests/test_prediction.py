@@ -1,4 +1,5 @@
 import json
+import logging
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -6,9 +7,9 @@ import numpy as np
 import pytest
 
 from sgbd.frame import Frame, FrameError
-from sgbd.prediction import RecordedFrames, objects_as_json, write_segmentation
+from sgbd.prediction import RecordedFrames, find_frames, objects_as_json, write_segmentation
 from sgbd.segmentation import Segmentation
-from sgbd.sources import FrameReadError
+from sgbd.sources import ColorDepthRecording, DatasetNotFoundError, FrameReadError, TumRecording
 from tests.scenes import scene
 
 
@@ -97,3 +98,53 @@ def test_three_files_are_written(tmp_path: Path) -> None:
     description = json.loads((tmp_path / "out/set_one.json").read_text())
     assert (description["name"], description["width"], description["height"]) == ("set/one", 8, 6)
     assert description["objects"] == objects_as_json(_segmentation())
+
+
+def test_the_lists_of_tum_come_before_folders_of_the_same_names(tmp_path: Path) -> None:
+    # Read as rgb/ and depth/ of one's own, the depth would be five times too large.
+    for folder, image in {"rgb": scene(0).rgb, "depth": (scene(0).depth * 5000).round().astype(np.uint16)}.items():
+        (tmp_path / folder).mkdir()
+        iio.imwrite(tmp_path / folder / "1.png", image)
+        (tmp_path / f"{folder}.txt").write_text(f"1 {folder}/1.png\n")
+    frames = find_frames(tmp_path)
+    assert isinstance(frames, TumRecording)
+    assert frames[0].depth == pytest.approx(scene(0).depth, abs=2e-4)
+    assert find_frames(tmp_path, depth_scale=0.001)[0].depth == pytest.approx(5 * scene(0).depth, abs=1e-3)
+    with pytest.raises(FrameReadError, match=r"not in millimetres\. Give rgb="):
+        find_frames(tmp_path / "rgb", tmp_path / "depth")
+    given = find_frames(tmp_path / "rgb", tmp_path / "depth", depth_scale=0.0002)
+    assert given[0].depth == pytest.approx(scene(0).depth, abs=2e-4)
+    for name in ("rgb.txt", "depth.txt"):
+        (tmp_path / name).unlink()
+    assert find_frames(tmp_path)[0].depth == pytest.approx(5 * scene(0).depth, abs=1e-3)
+
+
+def test_color_and_depth_sequences_are_recognised(tmp_path: Path) -> None:
+    _write(scene(2), tmp_path / "color/7.png", tmp_path / "depth/007.png")
+    frames = find_frames(tmp_path)
+    assert isinstance(frames, ColorDepthRecording)
+    assert frames[0].depth == pytest.approx(scene(2).depth, abs=6e-4)
+
+
+def test_other_inputs_are_what_they_were(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    _write(scene(1), tmp_path / "x_rgb.png", tmp_path / "x_depth.png")
+    assert find_frames(tmp_path)[0].depth == pytest.approx(scene(1).depth, abs=6e-4)
+    assert "taken for a folder of frames; the depth has 1000 units a metre" in caplog.text
+    both = find_frames(tmp_path / "x_rgb.png", tmp_path / "x_depth.png", depth_scale=0.01)
+    assert both[0].depth == pytest.approx(10 * scene(1).depth, abs=6e-3)
+
+
+def test_what_is_no_recording_is_told_what_would_be(tmp_path: Path) -> None:
+    with pytest.raises(DatasetNotFoundError) as told:
+        find_frames(tmp_path)
+    for word in ("NAME_rgb.png", "rgb.txt", "color/000000.jpg", "camera_intrinsic.json", "two videos"):
+        assert word in str(told.value)
+    (tmp_path / "clip.mp4").touch()
+    _write(scene(0), tmp_path / "a.png", tmp_path / "b.png")
+    with pytest.raises(FrameReadError, match=r"b\.png: rgb and depth must both be videos, or both be images"):
+        find_frames(tmp_path / "clip.mp4", tmp_path / "b.png")
+    with pytest.raises(ValueError, match="depth_scale must be positive"):
+        find_frames(tmp_path, depth_scale=0)
+    with pytest.raises(ValueError, match="time_tolerance must be 0 or more"):
+        find_frames(tmp_path, time_tolerance=-1)

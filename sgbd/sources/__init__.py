@@ -1,6 +1,7 @@
 """Where frames come from: readers of datasets on disk."""
 
 from sgbd.sources.categories import TOD_CATEGORIES, TOD_GROUPS, TODZ_SEEN, TODZ_UNSEEN
+from sgbd.sources.color_depth_recording import ColorDepthRecording
 from sgbd.sources.errors import DatasetNotFoundError, FrameReadError, MissingExtraError
 from sgbd.sources.folder import Folder
 from sgbd.sources.image import read_depth, read_labels, read_rgb
@@ -11,12 +12,15 @@ from sgbd.sources.osd import Osd
 from sgbd.sources.point_cloud import PointCloud, read_point_cloud
 from sgbd.sources.source import FrameSource
 from sgbd.sources.tod import Tod
+from sgbd.sources.tum_recording import TumRecording
+from sgbd.sources.video_pair import VideoPair
 
 __all__ = [
     "TODZ_SEEN",
     "TODZ_UNSEEN",
     "TOD_CATEGORIES",
     "TOD_GROUPS",
+    "ColorDepthRecording",
     "DatasetNotFoundError",
     "Folder",
     "FrameReadError",
@@ -28,6 +32,8 @@ __all__ = [
     "Osd",
     "PointCloud",
     "Tod",
+    "TumRecording",
+    "VideoPair",
     "read_depth",
     "read_labels",
     "read_point_cloud",

@@ -1,0 +1,47 @@
+"""Which images of two cameras, or of two streams of one camera, were taken at the same time."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+
+def associate(
+    first: npt.ArrayLike, second: npt.ArrayLike, tolerance: float
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Pair the moments of two recordings: two belong together if each is the other's nearest.
+
+    No moment is used twice, and the pairs are in the order of time. Of several equally near moments the earliest is
+    taken, of equal ones the first.
+
+    Args:
+        first: float64 [N], seconds, in any order.
+        second: float64 [M], seconds, of the same clock.
+        tolerance: Pairs at most this far apart count, seconds.
+
+    Returns:
+        Two int64 arrays of equal length: places in `first`, and the places in `second` that belong to them.
+
+    Raises:
+        ValueError: If the tolerance is negative or not a number.
+    """
+    if not tolerance >= 0:
+        raise ValueError(f"the tolerance of time differences must be 0 or more, in seconds; got {tolerance}")
+    one, other = np.asarray(first, np.float64), np.asarray(second, np.float64)
+    if one.size == 0 or other.size == 0:
+        return np.empty(0, np.int64), np.empty(0, np.int64)
+    one_order, other_order = np.argsort(one, kind="stable"), np.argsort(other, kind="stable")
+    one, other = one[one_order], other[other_order]
+    partner = _nearest(one, other)
+    mutual = _nearest(other, one)[partner] == np.arange(one.size)
+    kept = np.flatnonzero(mutual & (np.abs(one - other[partner]) <= tolerance))
+    return one_order[kept], other_order[partner[kept]]
+
+
+def _nearest(times: npt.NDArray[np.float64], among: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+    """Return the place in `among`, which is sorted, that is nearest to each of `times`; the earliest of equals."""
+    after = np.searchsorted(among, times).clip(0, among.size - 1)
+    before = np.maximum(after - 1, 0)
+    nearer_before = np.abs(times - among[before]) <= np.abs(times - among[after])
+    # The first of equal moments, wherever the search ended among them.
+    return np.searchsorted(among, among[np.where(nearer_before, before, after)])
