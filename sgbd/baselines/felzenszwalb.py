@@ -34,7 +34,7 @@ class Felzenszwalb(Baseline):
     """
 
     def __init__(
-        self, scale: float = 100.0, sigma: float = 0.8, min_size: int = 200, depth_weight: float = 10.0
+        self, scale: float = 300.0, sigma: float = 0.8, min_size: int = 500, depth_weight: float = 10.0
     ) -> None:
         if min(scale, sigma, min_size, depth_weight) < 0:
             raise ValueError(

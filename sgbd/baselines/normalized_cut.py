@@ -36,7 +36,7 @@ class NormalizedCut(SuperpixelBaseline):
         self,
         superpixels: Superpixels,
         threshold: float = 0.1,
-        scale: float = 0.1,
+        scale: float = 0.2,
         depth_weight: float = 10.0,
         seed: int = 0,
     ) -> None:

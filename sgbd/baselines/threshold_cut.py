@@ -25,7 +25,7 @@ class ThresholdCut(SuperpixelBaseline):
         depth_weight: Weight of a depth step of a metre against a colour step from black to white.
     """
 
-    def __init__(self, superpixels: Superpixels, threshold: float = 0.1, depth_weight: float = 10.0) -> None:
+    def __init__(self, superpixels: Superpixels, threshold: float = 0.1, depth_weight: float = 3.0) -> None:
         super().__init__(superpixels)
         self.graph = ColorDepthGraph(depth_weight)
         self.threshold = threshold

@@ -23,8 +23,8 @@ from tests.scenes import scene
 SUPERPIXELS = Slic(40, min_size=4)
 BASELINES: list[Baseline] = [
     Felzenszwalb(scale=100, sigma=0, min_size=20),
-    ThresholdCut(SUPERPIXELS, 0.3),
-    NormalizedCut(SUPERPIXELS, 0.02),
+    ThresholdCut(SUPERPIXELS, 0.3, depth_weight=10),
+    NormalizedCut(SUPERPIXELS, 0.02, scale=0.1),
     HierarchicalMerging(SUPERPIXELS, 0.3),
     PlaneRemoval(min_area=20),
 ]
