@@ -67,7 +67,7 @@ class GraphAugmentation:
         """Change a batch.
 
         Args:
-            batch: A graph, or graphs with the vector `batch`; on the CPU.
+            batch: A graph, or graphs with the vectors `batch` and `ptr`; on the CPU, with image_size int64 [G, 2].
             generator: Source of all randomness, on the CPU.
 
         Returns:
@@ -96,8 +96,10 @@ class GraphAugmentation:
                 column = nodes[:, self._node[name]]
                 nodes[:, self._node[name]] = torch.where(mirrored, -column, column)
         if "centroid_x" in self._node:
+            # Pixel c of W becomes pixel W - 1 - c, and the feature is c / W.
+            farthest = 1 - 1 / batch.image_size[:, 1].to(nodes)[graph]
             column = nodes[:, self._node["centroid_x"]]
-            nodes[:, self._node["centroid_x"]] = torch.where(mirrored, 1 - column, column)
+            nodes[:, self._node["centroid_x"]] = torch.where(mirrored, farthest - column, column)
 
         gain = torch.exp(self.gain * torch.randn(count, 3, generator=generator))
         shift = self.brightness * torch.randn(count, 1, generator=generator)

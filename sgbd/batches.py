@@ -10,7 +10,16 @@ import torch
 from torch.utils.data import DataLoader, Dataset, DistributedSampler, Subset
 from torch_geometric.data import Data
 
-FIELDS = ("x", "edge_index", "edge_attr", "edge_label_index", "edge_label", "border_length", "node_instance")
+FIELDS = (
+    "x",
+    "edge_index",
+    "edge_attr",
+    "edge_label_index",
+    "edge_label",
+    "border_length",
+    "node_instance",
+    "image_size",
+)
 """What training reads of a graph. Label maps and overlap tables, which evaluation needs, are left behind."""
 
 

@@ -102,9 +102,9 @@ def build_graph(
         and, for a frame with instances,
 
         - edge_label: float32 [E], 1 both ends belong to the same instance (background and supporting surface count as
-          instances), 0 they don't, -1 unknown, because an end lies wholly in ignored pixels.
+          instances), 0 they don't, -1 unknown, because an end lies mostly in ignored pixels.
         - node_instance: int64 [N], the instance with most pixels in the superpixel, the smaller id if several have;
-          -1 unknown.
+          -1 unknown, where more than half of its pixels are ignored.
         - overlap_index, overlap_instance, overlap_count: int64 [M], superpixel, instance, and pixels they share;
           ignored pixels are left out.
         - instance_id, instance_category: int64 [K], the instances of the frame and the position of their category in

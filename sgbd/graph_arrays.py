@@ -16,7 +16,7 @@ from sgbd.adjacency import Adjacency, LabelMap, Pairs, border_pairs
 from sgbd.features import Geometry, edge_features, node_features, sums_of_pairs
 from sgbd.frame import IGNORE, Frame
 from sgbd.label_map import pack
-from sgbd.majority import majority_instance
+from sgbd.majority import labelled_instance
 from sgbd.regions import PAIRS, region_and_border_sums
 
 MERGE, CUT, UNKNOWN = 1.0, 0.0, -1.0
@@ -42,6 +42,7 @@ def graph_arrays(
     regions, borders = region_and_border_sums(frame, label_map)
     if not (regions.pixels > 0).all():
         raise ValueError("the label map skips ids: number its superpixels 0..N-1 (sgbd.superpixels.connect.renumber)")
+    area = regions.pixels.astype(np.int64)
     geometry = Geometry(regions, borders, frame.camera)
     pairs = borders.pairs if adjacency is border_pairs else adjacency(label_map)
     forward, backward = edge_features(pairs, borders, regions, geometry)
@@ -51,14 +52,14 @@ def graph_arrays(
         "edge_attr": np.concatenate([forward, backward]),
         "edge_label_index": np.ascontiguousarray(pairs),
         "border_length": sums_of_pairs(pairs, borders)[:, PAIRS].astype(np.float32),
-        "area": regions.pixels.astype(np.int64),
+        "area": area,
         "image_size": np.array([[frame.height, frame.width]]),
         "name": frame.name,
     }
     if store_maps:
         graph["label_map"] = pack(label_map)
     if frame.instances is not None:
-        graph |= _truth(frame, frame.instances, label_map, pairs, len(regions.pixels), category_names)
+        graph |= _truth(frame, frame.instances, label_map, pairs, area, category_names)
         if store_maps:
             graph["truth_map"] = pack(frame.instances)
     return graph
@@ -69,11 +70,11 @@ def _truth(
     instances: npt.NDArray[np.int32],
     label_map: LabelMap,
     pairs: Pairs,
-    nodes: int,
+    area: npt.NDArray[np.int64],
     category_names: Sequence[str],
 ) -> GraphArrays:
     superpixel, instance, count = overlap_table(label_map, instances)
-    majority = majority_instance(superpixel, instance, count, nodes)
+    majority = labelled_instance(superpixel, instance, count, area)
     known = (majority[pairs[0]] != IGNORE) & (majority[pairs[1]] != IGNORE)
     same = np.where(majority[pairs[0]] == majority[pairs[1]], MERGE, CUT)
     ids = np.unique(instance)

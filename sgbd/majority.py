@@ -1,4 +1,4 @@
-"""The instance that most of a superpixel belongs to: its label in training, and where the oracle puts it."""
+"""The instance that a superpixel belongs to: its label in training, and where the oracle puts it."""
 
 from __future__ import annotations
 
@@ -30,3 +30,25 @@ def majority_instance(
     # Of the assignments to one superpixel the last stays: the largest count, the smallest id.
     majority[superpixel[order]] = instance[order]
     return majority
+
+
+def labelled_instance(
+    superpixel: npt.NDArray[np.integer],
+    instance: npt.NDArray[np.integer],
+    count: npt.NDArray[np.integer],
+    area: npt.NDArray[np.integer],
+) -> npt.NDArray[np.int64]:
+    """Return the instance of each superpixel for training: none where most of its pixels are ignored.
+
+    The oracle may give such a superpixel to the little that is known of it, because only known pixels are scored. To a
+    network it would be a wrong answer: it sees the whole superpixel, most of which may be something else.
+
+    Args:
+        superpixel, instance, count: As of `majority_instance`; ignored pixels are not among them.
+        area: int [N], all pixels of each superpixel.
+
+    Returns:
+        int64 [N], as of `majority_instance`; -1 also for superpixels more than half of whose pixels are ignored.
+    """
+    known = np.bincount(superpixel, count, len(area))
+    return np.where(2 * known < area, IGNORE, majority_instance(superpixel, instance, count, len(area)))

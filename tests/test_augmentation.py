@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import numpy as np
+import numpy.typing as npt
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 from torch_geometric.data import Data
 from torch_geometric.loader import DataLoader
 
 from sgbd.augmentation import GraphAugmentation
 from sgbd.features import EDGE_GROUPS, EDGE_NAMES, NODE_GROUPS, NODE_NAMES
+from sgbd.frame import Frame, Intrinsics
+from sgbd.graph import build_graph
 from tests.graph_samples import grid_graph
+from tests.label_maps import frames, label_maps
 
 STILL = {"mirror": 0.0, "gain": 0.0, "brightness": 0.0, "gray": 0.0, "noise": 0.0}
 COLORS = [NODE_NAMES.index(name) for name in ("red", "green", "blue")]
@@ -49,12 +56,28 @@ def test_the_mirror_turns_what_points_sideways_and_twice_gives_the_graph_back() 
     once = mirror(data, generator())
     centroid = NODE_NAMES.index("centroid_x")
     assert torch.equal(once.x[:, SIDEWAYS], -data.x[:, SIDEWAYS])
-    torch.testing.assert_close(once.x[:, centroid], 1 - data.x[:, centroid])
+    width = int(data.image_size[0, 1])
+    torch.testing.assert_close(once.x[:, centroid], 1 - 1 / width - data.x[:, centroid])
     others = [k for k in range(len(NODE_NAMES)) if k not in (*SIDEWAYS, centroid)]
     assert torch.equal(once.x[:, others], data.x[:, others])
     torch.testing.assert_close(once.edge_attr, data.edge_attr)
     twice = mirror(once, generator())
     torch.testing.assert_close(twice.x, data.x)
+
+
+@given(label_maps(), st.data())
+def test_a_mirrored_graph_is_the_graph_of_the_mirrored_frame(
+    label_map: npt.NDArray[np.int32], data: st.DataObject
+) -> None:
+    frame = data.draw(frames(label_map.shape))
+    camera = Intrinsics(20.0, 24.0, 0.4 * frame.width, 0.6 * frame.height)
+    turned_camera = Intrinsics(camera.fx, camera.fy, frame.width - 1 - camera.cx, camera.cy)
+    plain = build_graph(Frame(frame.rgb, frame.depth, camera), label_map)
+    turned = build_graph(Frame(frame.rgb[:, ::-1], frame.depth[:, ::-1], turned_camera), label_map[:, ::-1].copy())
+    mirrored = GraphAugmentation(**{**STILL, "mirror": 1.0})(plain, generator())
+    # The normals of a superpixel are one pixel's, and of no plane where its points lie on a line: they are left out.
+    kept = [k for k, name in enumerate(NODE_NAMES) if "normal" not in name]
+    torch.testing.assert_close(mirrored.x[:, kept], turned.x[:, kept], rtol=0, atol=1e-5)
 
 
 def test_gain_and_brightness_change_mean_spread_and_distance_of_colors_together() -> None:
