@@ -4,7 +4,8 @@
     python experiments/publish.py outputs/feature_importance
 
 It reads the sweep's records and writes experiments/<name>.md, <name>.csv and <name>.png; nothing is computed anew. Rows
-that could not be run stand in the table as such.
+that could not be run stand in the table as such. What stands below the line `<!-- remarks -->` of a page that is there
+already is kept.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from pathlib import Path
 import pandas as pd
 from omegaconf import OmegaConf
 from paper import NOT_AT_HAND, PAPER_HM_OVERLAP_F
+from remarks import with_remarks
 
 from sgbd.sweep import read_jobs, summarize
 
@@ -70,7 +72,7 @@ def page(folder: Path, note: str, options: str = "") -> str:
     lines = [
         f"# {name}",
         f"```sh\n{command}\npython experiments/publish.py outputs/sweeps/{name}\n```",
-        f"Dataset `{dataset.get('name', dataset['_target_'])}`: {dataset.get('train_frames', '?')} training, "
+        f"Dataset `{dataset.get('name', dataset['_target_'])}`: {_training_frames(folder, jobs)} training, "
         f"{dataset.get('val_frames', '?')} validation, {dataset.get('test_frames', '?')} test frames. Per cent"
         + (
             f"; mean ± sample standard deviation over the seeds {', '.join(seeds)}."
@@ -85,6 +87,16 @@ def page(folder: Path, note: str, options: str = "") -> str:
         f"![scores]({name}.png)",
     ]
     return "\n\n".join(line for line in lines if line) + "\n"
+
+
+def _training_frames(folder: Path, jobs: pd.DataFrame) -> str:
+    """Say how many frames the jobs were trained on."""
+    numbers = []
+    for job in jobs["folder"]:
+        dataset = OmegaConf.load(folder / job / "config.yaml").dataset
+        available, most = dataset.get("train_frames"), dataset.get("max_train_frames")
+        numbers.append("?" if available is None else str(available if most is None else min(available, most)))
+    return " or ".join(dict.fromkeys(numbers))
 
 
 def importance_page(folder: Path) -> str:
@@ -112,10 +124,11 @@ def main() -> None:
         name, source = "feature_importance", "feature_importance"
     else:
         text, name, source = page(folder, arguments.note, arguments.options), folder.name, "table"
-    (HERE / f"{name}.md").write_text(text)
+    target = HERE / f"{name}.md"
+    target.write_text(with_remarks(text, target))
     for suffix in (".csv", ".png"):
         shutil.copyfile((folder / source).with_suffix(suffix), (HERE / name).with_suffix(suffix))
-    print(text)
+    print(target.read_text())
 
 
 if __name__ == "__main__":

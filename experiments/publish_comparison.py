@@ -3,8 +3,8 @@
     python experiments/publish_comparison.py outputs/comparison/<time> --command "python -m sgbd.compare …" [--note "…"]
 
 The page is called as the experiment: experiments/comparison.md, computational.md, real.md or qualitative.md, with the
-CSV files and pictures that belong to it. Nothing is computed anew. A paragraph below the line `<!-- remarks -->` of a
-page that is there already is kept: what people write about the numbers outlives the next run.
+CSV files and pictures that belong to it. Nothing is computed anew. What stands below the line `<!-- remarks -->` of a
+page that is there already is kept.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from pathlib import Path
 import pandas as pd
 from omegaconf import OmegaConf
 from paper import PAPER_COST, PAPER_SCORES
+from remarks import with_remarks
 
 from sgbd.comparison import SHOWN
 
 HERE = Path(__file__).resolve().parent
-REMARKS = "<!-- remarks -->"
 ON_TOD_Z = ("comparison",)
 """Experiments whose table has the paper's scores."""
 
@@ -81,7 +81,7 @@ def failures(folder: Path) -> str:
     return "Failures by kind (`sgbd.failures.classify_failures`):\n\n" + table.to_markdown()
 
 
-def page(folder: Path, name: str, command: str, note: str, remarks: str) -> str:
+def page(folder: Path, name: str, command: str, note: str) -> str:
     """Return the page of a comparison.
 
     Args:
@@ -89,7 +89,6 @@ def page(folder: Path, name: str, command: str, note: str, remarks: str) -> str:
         name: Of the experiment.
         command: What made it.
         note: A sentence on the circumstances.
-        remarks: What people wrote about the numbers.
     """
     config = OmegaConf.load(folder / "config.yaml")
     dataset = config.dataset
@@ -108,7 +107,7 @@ def page(folder: Path, name: str, command: str, note: str, remarks: str) -> str:
         lines.append(failures(folder))
     pictures = sorted((folder / "pictures").glob("*.png"))
     lines += [f"![{picture.stem}](pictures/{name}_{picture.stem}.png)" for picture in pictures]
-    return "\n\n".join(line for line in [*lines, REMARKS, remarks] if line) + "\n"
+    return "\n\n".join(line for line in lines if line) + "\n"
 
 
 def main() -> None:
@@ -122,8 +121,7 @@ def main() -> None:
     folder: Path = arguments.folder
     name = arguments.name or str(OmegaConf.load(folder / "config.yaml").name)
     target = HERE / f"{name}.md"
-    _, _, remarks = target.read_text().partition(REMARKS) if target.is_file() else ("", "", "")
-    target.write_text(page(folder, name, arguments.command, arguments.note, remarks.strip()))
+    target.write_text(with_remarks(page(folder, name, arguments.command, arguments.note), target))
     for table, suffix in (("comparison.csv", ""), ("failures.csv", "_failures"), ("cost.json", "_cost")):
         if (folder / table).is_file():
             shutil.copyfile(folder / table, HERE / f"{name}{suffix}{Path(table).suffix}")
