@@ -37,7 +37,8 @@ class Recipe:
         seed: Fixes every scene; more frames of the same seed begin with the same scenes.
         train_categories: What the objects of training and validation frames are drawn from; None for TOD-Z's 12 seen
             categories.
-        variety: What kind of scenes there are, see `sgbd.sources.synthetic.variety`: `tabletop` or `wide`.
+        variety: What kind of scenes there are, see `sgbd.sources.synthetic.variety`: `tabletop`, `wide` or
+            `assorted`.
 
     Raises:
         ValueError: On construction, if a value is out of range.

@@ -17,6 +17,7 @@ from sgbd.sources.synthetic.room import Placed, Room, random_room
 from sgbd.sources.synthetic.sensor_variety import recorded_by_any_camera
 from sgbd.sources.synthetic.shapes import SHAPES, Shape
 from sgbd.sources.synthetic.shapes.packaging import carton, roll
+from sgbd.sources.synthetic.shapes.sundries import SUNDRIES
 from sgbd.sources.synthetic.table import Table, random_floor, random_table
 from sgbd.sources.synthetic.variety import VARIETIES, Variety
 
@@ -113,6 +114,8 @@ def arrange(
 def _random_shape(categories: Sequence[str], variety: Variety, rng: np.random.Generator) -> Shape:
     if variety.packaging > 0 and rng.random() < variety.packaging:
         return carton(rng) if rng.random() < 0.7 else roll(rng)
+    if variety.sundries > 0 and rng.random() < variety.sundries:
+        return SUNDRIES[int(rng.integers(len(SUNDRIES)))](rng)
     return SHAPES[categories[int(rng.integers(len(categories)))]](rng)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -13,6 +13,7 @@ class Variety:
         few: Share of scenes with few objects, from one to six (or the most that is asked for).
         floor: Share of scenes on the floor, in place of a table.
         packaging: Share of objects that are cartons and rolls, which have no category.
+        sundries: Share of the others that are put together from different parts, and have no category either.
         stacked: Share of objects dropped upright on one that lies there already.
         spread: Smallest and largest radius of the place where objects are dropped, in units of the radius of the disc
             with the area of half of their footprints; drawn on a logarithmic scale if `log_spread`.
@@ -25,6 +26,7 @@ class Variety:
     few: float = 0.0
     floor: float = 0.0
     packaging: float = 0.0
+    sundries: float = 0.0
     stacked: float = 0.0
     spread: tuple[float, float] = (0.6, 1.1)
     log_spread: bool = False
@@ -33,18 +35,22 @@ class Variety:
     focal: tuple[float, float] | None = None
 
 
+WIDE = Variety(
+    few=0.45,
+    floor=0.2,
+    packaging=0.35,
+    stacked=0.25,
+    spread=(0.4, 2.6),
+    log_spread=True,
+    distance=(0.55, 1.8),
+    elevation=(16, 72),
+    focal=(0.78, 1.08),
+)
+
 VARIETIES = {
     "tabletop": Variety(),
-    "wide": Variety(
-        few=0.45,
-        floor=0.2,
-        packaging=0.35,
-        stacked=0.25,
-        spread=(0.4, 2.6),
-        log_spread=True,
-        distance=(0.55, 1.8),
-        elevation=(16, 72),
-        focal=(0.78, 1.08),
-    ),
+    "wide": WIDE,
+    "assorted": replace(WIDE, few=0.35, packaging=0.25, sundries=0.5),
 }
-"""`tabletop` is cluttered like TOD; `wide` goes from one box on a floor to heaps, for a model that meets anything."""
+"""`tabletop` is cluttered like TOD; `wide` goes from one box on a floor to heaps, for a model that meets anything;
+`assorted` has as many made-up things without a category among them as things with one."""

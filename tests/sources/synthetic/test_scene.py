@@ -132,6 +132,16 @@ def test_wide_scenes_hold_seen_categories_and_packaging(wide_arrangements: list[
     assert abs(share - 0.35) < 3 * (0.35 * 0.65 / len(names)) ** 0.5
 
 
+def test_assorted_scenes_hold_made_up_things_too() -> None:
+    rng = np.random.default_rng(0)
+    names = [scene._random_shape(SEEN, VARIETIES["assorted"], rng).category for _ in range(300)]
+    made_up = {"binder", "stand", "tool", "assembly", "tray"}
+    assert made_up <= set(names) <= TODZ_SEEN | {"carton", "roll"} | made_up
+    # Half of the three quarters that are no packaging, within three standard deviations.
+    share = sum(name in made_up for name in names) / len(names)
+    assert abs(share - 0.375) < 3 * (0.375 * 0.625 / len(names)) ** 0.5
+
+
 def test_wide_scenes_are_few_or_many_on_tables_and_floors(wide_arrangements: list[scene.Arrangement]) -> None:
     counts = [len(arrangement.shapes) for arrangement in wide_arrangements]
     assert min(counts) <= scene.FEW < max(counts)
