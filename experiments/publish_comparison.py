@@ -1,10 +1,14 @@
 """Turn the tables of python -m sgbd.compare into a page of this folder, beside the paper's numbers.
 
     python experiments/publish_comparison.py outputs/comparison/<time> --command "python -m sgbd.compare …" [--note "…"]
+    python experiments/publish_comparison.py outputs/comparison/<earlier> outputs/comparison/<later> --command "…"
 
 The page is called as the experiment: experiments/comparison.md, computational.md, real.md or qualitative.md, with the
 CSV files and pictures that belong to it. Nothing is computed anew. What stands below the line `<!-- remarks -->` of a
 page that is there already is kept.
+
+Of several folders, a method's row in a later one takes the place of that in an earlier one: a new model need not wait
+for the baselines. They must be of the same frames.
 """
 
 from __future__ import annotations
@@ -12,10 +16,11 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 from paper import PAPER_COST, PAPER_SCORES
 from remarks import with_remarks
 
@@ -26,14 +31,31 @@ ON_TOD_Z = ("comparison",)
 """Experiments whose table has the paper's scores."""
 
 
-def scores(folder: Path, name: str) -> str:
+def joined(folders: Sequence[Path], name: str) -> pd.DataFrame | None:
+    """Return a table of several comparisons, a row a method.
+
+    Args:
+        folders: Their folders; rows of later ones take the place of earlier ones'.
+        name: The table's file name.
+
+    Returns:
+        The table, in the order in which methods first appear; None if no folder has it.
+    """
+    tables = [pd.read_csv(folder / name, index_col="method") for folder in folders if (folder / name).is_file()]
+    if not tables:
+        return None
+    table = pd.concat(tables)
+    order = dict.fromkeys(table.index)
+    return table[~table.index.duplicated(keep="last")].loc[list(order)]
+
+
+def scores(rows: pd.DataFrame, name: str) -> str:
     """Return the table of scores, with the paper's rows where the experiment has them.
 
     Args:
-        folder: Folder of the comparison.
+        rows: Table `comparison.csv`.
         name: Of the experiment.
     """
-    rows = pd.read_csv(folder / "comparison.csv", index_col="method")
     shown = {score: title for score, title in SHOWN.items() if score in rows}
     table = (100 * rows[list(shown)]).rename(columns=shown)
     table.insert(0, "frames", rows["frames"])
@@ -71,62 +93,89 @@ def costs(folder: Path) -> str:
     )
 
 
-def failures(folder: Path) -> str:
+def failures(table: pd.DataFrame) -> str:
     """Return the counts of failures by kind.
 
     Args:
-        folder: Folder of the comparison.
+        table: Table `failures.csv`.
     """
-    table = pd.read_csv(folder / "failures.csv", index_col="method")
     return "Failures by kind (`sgbd.failures.classify_failures`):\n\n" + table.to_markdown()
 
 
-def page(folder: Path, name: str, command: str, note: str) -> str:
+def same_frames(folders: Sequence[Path]) -> DictConfig:
+    """Return the configuration of the last of several comparisons, all of the same frames.
+
+    Args:
+        folders: Their folders.
+
+    Raises:
+        SystemExit: If they are of different frames.
+    """
+    configs = [OmegaConf.load(folder / "config.yaml") for folder in folders]
+    for folder, config in zip(folders, configs, strict=True):
+        if (config.dataset, config.split) != (configs[-1].dataset, configs[-1].split):
+            raise SystemExit(f"{folder} and {folders[-1]} are of different frames; their rows cannot stand together")
+    assert isinstance(configs[-1], DictConfig)
+    return configs[-1]
+
+
+def page(folders: Sequence[Path], name: str, command: str, note: str) -> str:
     """Return the page of a comparison.
 
     Args:
-        folder: Its folder.
+        folders: Its folder, or several, the newest last.
         name: Of the experiment.
         command: What made it.
         note: A sentence on the circumstances.
     """
-    config = OmegaConf.load(folder / "config.yaml")
+    config = same_frames(folders)
     dataset = config.dataset
-    made = f"outputs/{config.name}/<time>" + ("" if name == config.name else f" --name {name}")
+    times = " ".join([f"outputs/{config.name}/<time>"] * len(folders))
+    made = times + ("" if name == config.name else f" --name {name}")
     lines = [
         f"# {name}",
         f'```sh\n{command}\npython experiments/publish_comparison.py {made} --command "…"\n```',
         f"Dataset `{dataset.get('name', dataset['_target_'].rpartition('.')[2])}`.",
         note,
     ]
-    if (folder / "comparison.csv").is_file():
-        lines += ["Per cent.", scores(folder, name)]
-    if (folder / "cost.json").is_file():
-        lines.append(costs(folder))
-    if (folder / "failures.csv").is_file():
-        lines.append(failures(folder))
-    pictures = sorted((folder / "pictures").glob("*.png"))
-    lines += [f"![{picture.stem}](pictures/{name}_{picture.stem}.png)" for picture in pictures]
+    rows, lost = joined(folders, "comparison.csv"), joined(folders, "failures.csv")
+    if rows is not None:
+        lines += ["Per cent.", scores(rows, name)]
+    costly = [folder for folder in folders if (folder / "cost.json").is_file()]
+    if costly:
+        lines.append(costs(costly[-1]))
+    if lost is not None:
+        lines.append(failures(lost))
+    pictures = sorted({picture.name: picture for folder in folders for picture in _pictures(folder)}.values())
+    lines += [f"![{picture.stem}](pictures/{name}_{picture.name})" for picture in pictures]
     return "\n\n".join(line for line in lines if line) + "\n"
+
+
+def _pictures(folder: Path) -> list[Path]:
+    return sorted((folder / "pictures").glob("*.png"))
 
 
 def main() -> None:
     """Write the page, the tables and the pictures of a comparison."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, help="folder that python -m sgbd.compare has written")
+    parser.add_argument("folders", type=Path, nargs="+", help="of python -m sgbd.compare, the newest last")
     parser.add_argument("--command", required=True, help="the command that made it, as others would type it")
     parser.add_argument("--note", default="", help="a sentence on the circumstances")
     parser.add_argument("--name", help="of the page; by default that of the experiment")
     arguments = parser.parse_args()
-    folder: Path = arguments.folder
-    name = arguments.name or str(OmegaConf.load(folder / "config.yaml").name)
+    folders: list[Path] = arguments.folders
+    name = arguments.name or str(OmegaConf.load(folders[-1] / "config.yaml").name)
     target = HERE / f"{name}.md"
-    target.write_text(with_remarks(page(folder, name, arguments.command, arguments.note), target))
-    for table, suffix in (("comparison.csv", ""), ("failures.csv", "_failures"), ("cost.json", "_cost")):
-        if (folder / table).is_file():
-            shutil.copyfile(folder / table, HERE / f"{name}{suffix}{Path(table).suffix}")
-    for picture in (folder / "pictures").glob("*.png"):
-        shutil.copyfile(picture, HERE / "pictures" / f"{name}_{picture.name}")
+    target.write_text(with_remarks(page(folders, name, arguments.command, arguments.note), target))
+    for file, suffix in (("comparison.csv", ""), ("failures.csv", "_failures")):
+        table = joined(folders, file)
+        if table is not None:
+            table.to_csv(HERE / f"{name}{suffix}.csv")
+    for folder in folders:
+        if (folder / "cost.json").is_file():
+            shutil.copyfile(folder / "cost.json", HERE / f"{name}_cost.json")
+        for picture in _pictures(folder):
+            shutil.copyfile(picture, HERE / "pictures" / f"{name}_{picture.name}")
     print(target.read_text())
 
 
