@@ -1,17 +1,19 @@
 """Turn a finished sweep into a page of this folder, beside the paper's numbers.
 
     python experiments/publish.py outputs/sweeps/ablate_features [--note "Trained on …"]
+    python experiments/publish.py <earlier>/sweeps/ablate_features outputs/sweeps/ablate_features
     python experiments/publish.py outputs/feature_importance
 
 It reads the sweep's records and writes experiments/<name>.md, <name>.csv and <name>.png; nothing is computed anew. Rows
 that could not be run stand in the table as such. What stands below the line `<!-- remarks -->` of a page that is there
-already is kept.
+already is kept. Of several folders of one experiment, rows of later ones join or replace those of earlier ones.
 """
 
 from __future__ import annotations
 
 import argparse
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -19,7 +21,7 @@ from omegaconf import OmegaConf
 from paper import NOT_AT_HAND, PAPER_HM_OVERLAP_F
 from remarks import with_remarks
 
-from sgbd.sweep import read_jobs, summarize
+from sgbd.sweep import draw, read_jobs, summarize
 
 HERE = Path(__file__).resolve().parent
 SHOWN = {
@@ -32,24 +34,60 @@ SHOWN = {
     "all/f75": "all F@.75",
     "unaided/overlap_f": "unaided F",
 }
+DRAWN = ("seen/overlap_f", "unseen/overlap_f", "hm/overlap_f", "all/overlap_f", "oracle/overlap_f")
 
 
-def page(folder: Path, note: str, options: str = "") -> str:
+def joined_jobs(folders: Sequence[Path]) -> pd.DataFrame:
+    """Return the jobs of a sweep, or of several of one experiment.
+
+    Args:
+        folders: Their folders; a row in a later one takes the place of that with the same overrides in an earlier one.
+
+    Returns:
+        As of `sgbd.sweep.read_jobs`, and the path of each job in the column `path`.
+
+    Raises:
+        SystemExit: If a sweep has not come to its end, or varied something else than the others.
+    """
+    tables = []
+    for folder in folders:
+        jobs = read_jobs(folder)
+        unfinished = jobs[~jobs["state"].isin(["finished", "not run"])]
+        if len(unfinished):
+            raise SystemExit(
+                f"{folder}: {len(unfinished)} jobs are not finished; repeat the sweep, finished ones are kept"
+            )
+        jobs["path"] = [str(folder / job) for job in jobs["folder"]]
+        tables.append(jobs)
+    overrides = tables[-1].attrs["overrides"]
+    for folder, jobs in zip(folders, tables, strict=True):
+        if jobs.attrs["overrides"] != overrides:
+            raise SystemExit(
+                f"{folder} varies {jobs.attrs['overrides']}, {folders[-1]} {overrides}: two tables, not one"
+            )
+    kept: list[pd.DataFrame] = []
+    for jobs in reversed(tables):
+        later = {row for table in kept for row in table[overrides].itertuples(index=False, name=None)}
+        again = [row in later for row in jobs[overrides].itertuples(index=False, name=None)]
+        kept.insert(0, jobs[[not one for one in again]])
+    joined = pd.concat(kept, ignore_index=True)
+    scores = dict.fromkeys(score for jobs in tables for score in jobs.attrs["scores"])
+    joined.attrs.update(overrides=overrides, scores=list(scores))
+    return joined
+
+
+def page(name: str, jobs: pd.DataFrame, note: str, options: str = "") -> str:
     """Return the page of a sweep.
 
     Args:
-        folder: The sweep's folder.
+        name: Of the experiment.
+        jobs: As of `joined_jobs`.
         note: A sentence on the circumstances.
         options: What the command had beside the experiment and the seeds.
     """
-    name = folder.name
-    jobs = read_jobs(folder)
-    unfinished = jobs[~jobs["state"].isin(["finished", "not run"])]
-    if len(unfinished):
-        raise SystemExit(f"{folder}: {len(unfinished)} jobs are not finished; repeat the sweep, finished jobs are kept")
     summary = summarize(jobs)
     seeds = sorted(set(jobs["seed"]), key=int)
-    dataset = OmegaConf.load(folder / jobs["folder"].iloc[0] / "config.yaml").dataset
+    dataset = OmegaConf.load(Path(jobs["path"].iloc[0]) / "config.yaml").dataset
     varied = summary.attrs["overrides"]
     table = pd.DataFrame({key: summary[key].astype(str) for key in varied})
     for score, title in SHOWN.items():
@@ -72,7 +110,7 @@ def page(folder: Path, note: str, options: str = "") -> str:
     lines = [
         f"# {name}",
         f"```sh\n{command}\npython experiments/publish.py outputs/sweeps/{name}\n```",
-        f"Dataset `{dataset.get('name', dataset['_target_'])}`: {_training_frames(folder, jobs)} training, "
+        f"Dataset `{dataset.get('name', dataset['_target_'])}`: {_training_frames(jobs)} training, "
         f"{dataset.get('val_frames', '?')} validation, {dataset.get('test_frames', '?')} test frames. Per cent"
         + (
             f"; mean ± sample standard deviation over the seeds {', '.join(seeds)}."
@@ -89,11 +127,11 @@ def page(folder: Path, note: str, options: str = "") -> str:
     return "\n\n".join(line for line in lines if line) + "\n"
 
 
-def _training_frames(folder: Path, jobs: pd.DataFrame) -> str:
+def _training_frames(jobs: pd.DataFrame) -> str:
     """Say how many frames the jobs were trained on."""
     numbers = []
-    for job in jobs["folder"]:
-        dataset = OmegaConf.load(folder / job / "config.yaml").dataset
+    for job in jobs["path"]:
+        dataset = OmegaConf.load(Path(job) / "config.yaml").dataset
         available, most = dataset.get("train_frames"), dataset.get("max_train_frames")
         numbers.append("?" if available is None else str(available if most is None else min(available, most)))
     return " or ".join(dict.fromkeys(numbers))
@@ -114,20 +152,24 @@ def importance_page(folder: Path) -> str:
 def main() -> None:
     """Write the page, the table and the figure of a sweep, or of the feature importance."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("sweep", type=Path, help="folder of the sweep")
+    parser.add_argument("sweeps", type=Path, nargs="+", help="folder of the sweep, or of several, the newest last")
     parser.add_argument("--note", default="", help="a sentence on the circumstances")
     parser.add_argument("--options", default="", help="what the command had beside experiment and seeds")
     arguments = parser.parse_args()
-    folder: Path = arguments.sweep
-    if (folder / "feature_importance.csv").is_file():
-        text = "\n\n".join(filter(None, [importance_page(folder), arguments.note])) + "\n"
-        name, source = "feature_importance", "feature_importance"
+    folders: list[Path] = arguments.sweeps
+    if (folders[-1] / "feature_importance.csv").is_file():
+        name = "feature_importance"
+        text = "\n\n".join(filter(None, [importance_page(folders[-1]), arguments.note])) + "\n"
+        for suffix in (".csv", ".png"):
+            shutil.copyfile((folders[-1] / name).with_suffix(suffix), (HERE / name).with_suffix(suffix))
     else:
-        text, name, source = page(folder, arguments.note, arguments.options), folder.name, "table"
+        name, jobs = folders[-1].name, joined_jobs(folders)
+        text = page(name, jobs, arguments.note, arguments.options)
+        jobs.drop(columns="path").to_csv(HERE / f"{name}.csv", index=False)
+        summary = summarize(jobs)
+        draw(summary, [score for score in DRAWN if score in summary]).savefig(HERE / f"{name}.png", dpi=150)
     target = HERE / f"{name}.md"
     target.write_text(with_remarks(text, target))
-    for suffix in (".csv", ".png"):
-        shutil.copyfile((folder / source).with_suffix(suffix), (HERE / name).with_suffix(suffix))
     print(target.read_text())
 
 
