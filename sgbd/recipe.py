@@ -52,12 +52,13 @@ def graph_recipe(source: FrameSource, superpixels: object, graph: object) -> Rec
     """
     root = getattr(source, "root", None)
     components = {"superpixels": describe(superpixels, "superpixels"), "graph": describe(graph, "graph")}
+    options = _plain(source.options(), "the dataset's options")
     return {
         "format_version": FORMAT_VERSION,
         "dataset": {
             "name": type(source).__name__.lower(),
             "root": None if root is None else str(Path(root).absolute()),
-            "options": _plain(source.options(), "the dataset's options"),
+            "options": options,
             "category_names": list(source.category_names),
             "seen": sorted(source.seen),
         },
@@ -65,7 +66,7 @@ def graph_recipe(source: FrameSource, superpixels: object, graph: object) -> Rec
         "node_groups": {group: list(names) for group, names in NODE_GROUPS.items()},
         "edge_groups": {group: list(names) for group, names in EDGE_GROUPS.items()},
         **own_columns(graph),
-        "code": code_digest([type(source).__module__, *_modules(components)]),
+        "code": code_digest([type(source).__module__, *_modules([components, options])]),
         "versions": {package: _minor_version(package) for package in VERSIONED_PACKAGES},
         # Without Numba, scikit-image's SLIC stands in for the compiled one.
         "compiled": HAS_NUMBA,

@@ -1,5 +1,6 @@
 """Where frames come from: readers of datasets on disk."""
 
+from sgbd.sources.augmented import Augmented
 from sgbd.sources.categories import TOD_CATEGORIES, TOD_GROUPS, TODZ_SEEN, TODZ_UNSEEN
 from sgbd.sources.color_depth_recording import ColorDepthRecording
 from sgbd.sources.errors import DatasetNotFoundError, FrameReadError, MissingExtraError
@@ -20,6 +21,7 @@ __all__ = [
     "TODZ_UNSEEN",
     "TOD_CATEGORIES",
     "TOD_GROUPS",
+    "Augmented",
     "ColorDepthRecording",
     "DatasetNotFoundError",
     "Folder",

@@ -1,0 +1,109 @@
+"""Another dataset with changed copies of its training frames."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sgbd.frame import Frame
+from sgbd.sources.source import FrameSource
+
+if TYPE_CHECKING:
+    from sgbd.frame_augmentation import FrameAugmentation
+
+
+class Augmented(FrameSource):
+    """The frames of a dataset, and in training changed copies of each, for sets too small to train on.
+
+    A copy depends on its frame's name, its number and the seed alone, so that it is the same for any number of workers
+    and in any order. Validation and test frames are left as they are.
+
+    Args:
+        source: Called as ``source(split=...)``, gives the dataset.
+        augmentation: Changes a frame, called as ``augmentation(frame, rng)``; such as
+            `sgbd.frame_augmentation.FrameAugmentation`.
+        split: "train", "val" or "test".
+        copies: Changed copies of every training frame.
+        seed: Fixes them.
+
+    Raises:
+        ValueError: If `copies` or `seed` is negative.
+    """
+
+    def __init__(
+        self,
+        source: Callable[..., FrameSource],
+        augmentation: FrameAugmentation | Callable[[Frame, np.random.Generator], Frame],
+        split: str = "train",
+        copies: int = 2,
+        seed: int = 0,
+    ) -> None:
+        if copies < 0 or seed < 0:
+            raise ValueError(f"copies and seed must not be negative; got copies={copies}, seed={seed}")
+        self.source = source(split=split)
+        self.augmentation = augmentation
+        self.split = self.source.split
+        self.copies = copies if self.split == "train" else 0
+        self.seed = seed
+        self._asked = copies
+
+    @property
+    def category_names(self) -> tuple[str, ...]:  # type: ignore[override]
+        """All categories of the dataset."""
+        return self.source.category_names
+
+    @property
+    def seen(self) -> frozenset[str]:  # type: ignore[override]
+        """The categories that training frames hold."""
+        return self.source.seen
+
+    @property
+    def root(self) -> Path | None:
+        """Where the dataset lies."""
+        return getattr(self.source, "root", None)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Each frame's name, followed by those of its copies: NAME~1, NAME~2."""
+        endings = ["", *(f"~{number}" for number in range(1, self.copies + 1))]
+        return tuple(name + ending for name in self.source.names for ending in endings)
+
+    @property
+    def splits(self) -> tuple[str, ...]:
+        """The dataset's."""
+        return self.source.splits
+
+    def generate(self, workers: int = 0, progress: bool = True) -> None:
+        """Make the dataset, if it is one that the program makes."""
+        make = getattr(self.source, "generate", None)
+        if make is not None:
+            make(workers=workers, progress=progress)
+
+    def files(self, index: int) -> tuple[Path, ...]:
+        """Return the files of the frame that frame `index` is or is a copy of."""
+        return self.source.files(index // (self.copies + 1))
+
+    def read(self, index: int) -> Frame:
+        """Read a frame, and change it if it is a copy; errors as of the dataset's own `read`."""
+        original, number = divmod(index, self.copies + 1)
+        frame = self.source.read(original)
+        if number == 0:
+            return frame
+        digest = hashlib.sha256(self.source.names[original].encode()).digest()
+        rng = np.random.default_rng([self.seed, number, int.from_bytes(digest[:8], "little")])
+        return replace(self.augmentation(frame, rng), name=f"{frame.name}~{number}")
+
+    def options(self) -> Mapping[str, Any]:
+        """Return the dataset's class and options, and those of the copies."""
+        # Here, because a recipe is about sources.
+        from sgbd.recipe import describe
+
+        kind = type(self.source)
+        source = {"_target_": f"{kind.__module__}.{kind.__qualname__}", **self.source.options()}
+        changes = describe(self.augmentation, "augmentation")
+        return {"copies": self._asked, "seed": self.seed, "augmentation": changes, "source": source}
