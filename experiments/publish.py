@@ -21,6 +21,7 @@ from omegaconf import OmegaConf
 from paper import NOT_AT_HAND, PAPER_HM_OVERLAP_F
 from remarks import with_remarks
 
+from sgbd.sources.categories import TOD_GROUPS
 from sgbd.sweep import draw, read_jobs, summarize
 
 HERE = Path(__file__).resolve().parent
@@ -33,6 +34,9 @@ SHOWN = {
     "all/overlap_f": "all F",
     "all/f75": "all F@.75",
     "unaided/overlap_f": "unaided F",
+    "every category/overlap_f": "F of all categories",
+    "never seen/overlap_f": "F of those no row saw",
+    **{f"{group}/overlap_f": f"F of {group}" for group in TOD_GROUPS},
 }
 DRAWN = ("seen/overlap_f", "unseen/overlap_f", "hm/overlap_f", "all/overlap_f", "oracle/overlap_f")
 
@@ -76,6 +80,27 @@ def joined_jobs(folders: Sequence[Path]) -> pd.DataFrame:
     return joined
 
 
+def with_equal_categories(jobs: pd.DataFrame, groups: bool) -> list[str]:
+    """Add what can be compared between jobs that saw different categories: means over the same ones.
+
+    Args:
+        jobs: As of `joined_jobs`; gains the scores `every category/overlap_f` and, where there is such a category,
+            `never seen/overlap_f`.
+        groups: Whether to add the mean over each of TOD-Z's four groups, as `<group>/overlap_f`.
+
+    Returns:
+        The categories that no job saw.
+    """
+    tables = [pd.read_csv(Path(path) / "categories.csv", index_col="category") for path in jobs["path"]]
+    never = [name for name in sorted(tables[0].index) if not any(table["seen"].get(name, False) for table in tables)]
+    f = pd.DataFrame([table["overlap_f_measure"] for table in tables], index=jobs.index)
+    means = {"every category": list(f), **({"never seen": never} if never else {}), **(TOD_GROUPS if groups else {})}
+    for name, categories in means.items():
+        jobs[f"{name}/overlap_f"] = f[list(categories)].mean(axis=1)
+        jobs.attrs["scores"].append(f"{name}/overlap_f")
+    return never
+
+
 def page(name: str, jobs: pd.DataFrame, note: str, options: str = "") -> str:
     """Return the page of a sweep.
 
@@ -85,6 +110,13 @@ def page(name: str, jobs: pd.DataFrame, note: str, options: str = "") -> str:
         note: A sentence on the circumstances.
         options: What the command had beside the experiment and the seeds.
     """
+    if name.startswith("generalization"):
+        never = with_equal_categories(jobs, groups=name == "generalization_groups")
+        remark = "Seen and unseen are other categories in every row. The same in all rows are `all F`" + (
+            ", `F of all categories` (their mean, without weights)"
+            + (f" and that of those no row saw: {', '.join(never)}." if never else ". Every category is seen by a row.")
+        )
+        note = "\n\n".join(filter(None, [remark, note]))
     summary = summarize(jobs)
     seeds = sorted(set(jobs["seed"]), key=int)
     dataset = OmegaConf.load(Path(jobs["path"].iloc[0]) / "config.yaml").dataset
