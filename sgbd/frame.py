@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -84,6 +85,12 @@ class Frame:
     def __post_init__(self) -> None:
         """Check the arrays and bring them to the documented dtypes."""
         label = f"frame {self.name!r}" if self.name else "frame"
+        if self.intrinsics is not None and not isinstance(self.intrinsics, Intrinsics):
+            raise FrameError(
+                f"{label}: intrinsics must be sgbd.Intrinsics(fx, fy, cx, cy), in pixels, or None; got "
+                f"{type(self.intrinsics).__name__}. Of a camera matrix K take Intrinsics(K[0, 0], K[1, 1], K[0, 2], "
+                "K[1, 2])."
+            )
         object.__setattr__(self, "rgb", _checked_rgb(self.rgb, label))
         object.__setattr__(self, "depth", _checked_depth(self.depth, self.rgb.shape[:2], label))
         if self.instances is not None:
@@ -91,6 +98,12 @@ class Frame:
         unknown = [key for key in self.categories if not isinstance(key, (int, np.integer))]
         if unknown:
             raise FrameError(f"{label}: categories must map integer instance ids to names; got the keys {unknown[:5]}")
+
+    def __repr__(self) -> str:
+        truth = "without truth" if self.instances is None else "with truth"
+        return (
+            f"Frame({self.name!r}, {self.width}x{self.height} pixels, {self.intrinsics or 'unknown camera'}, {truth})"
+        )
 
     @property
     def height(self) -> int:
@@ -108,8 +121,18 @@ class Frame:
         return self.intrinsics or Intrinsics.default(self.width, self.height)
 
 
+def _array(value: npt.ArrayLike, what: str, label: str) -> npt.NDArray[Any]:
+    array = np.asarray(value)
+    if array.ndim == 0:
+        raise FrameError(
+            f"{label}: {what} must be an array of the pixels; got {type(value).__name__}. Read image files first, for "
+            f"instance with {what} = imageio.v3.imread(path)."
+        )
+    return array
+
+
 def _checked_rgb(rgb: npt.ArrayLike, label: str) -> npt.NDArray[np.uint8]:
-    array = np.asarray(rgb)
+    array = _array(rgb, "rgb", label)
     if array.ndim != 3 or array.shape[2] != 3:
         raise FrameError(
             f"{label}: rgb must be uint8 [H, W, 3]; got shape {array.shape}. "
@@ -126,7 +149,7 @@ def _checked_rgb(rgb: npt.ArrayLike, label: str) -> npt.NDArray[np.uint8]:
 
 
 def _checked_depth(depth: npt.ArrayLike, shape: tuple[int, ...], label: str) -> npt.NDArray[np.float32]:
-    array = np.asarray(depth)
+    array = _array(depth, "depth", label)
     if array.ndim != 2:
         raise FrameError(
             f"{label}: depth must be [H, W], one distance a pixel; got shape {array.shape}. "

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import logging
@@ -10,16 +9,16 @@ import math
 import os
 import re
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock, Timeout
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from sgbd import __version__
 from sgbd.atomic_file import write_whole
 from sgbd.configuration import ConfigurationError
+from sgbd.one_process_at_a_time import one_process_at_a_time
 
 log = logging.getLogger(__name__)
 
@@ -101,7 +100,7 @@ def run_once(folder: Path, config: DictConfig, job: Callable[[DictConfig, Path],
         What the job returned, with `config_hash` and `seconds`.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    with _claimed(folder):
+    with one_process_at_a_time(folder / LOCK_FILE, log, f"runs the job in {folder}"):
         identity = config_hash(config)
         previous = read_json(folder / JOB_FILE)
         if previous is not None and previous["config_hash"] != identity:
@@ -170,20 +169,6 @@ def read_json(path: Path) -> dict[str, Any] | None:
 def write_json(path: Path, value: Mapping[str, Any]) -> None:
     """Write a mapping as a JSON file, whole or not at all; numbers that are not finite become null."""
     write_whole(path, (json.dumps(_plain(value), indent=2, allow_nan=False) + "\n").encode())
-
-
-@contextlib.contextmanager
-def _claimed(folder: Path) -> Iterator[None]:
-    lock = FileLock(folder / LOCK_FILE)
-    try:
-        lock.acquire(blocking=False)
-    except Timeout:
-        log.info("Another process is running the job in %s; waiting for it", folder)
-        lock.acquire()
-    try:
-        yield
-    finally:
-        lock.release()
 
 
 def _plain(value: Any) -> Any:

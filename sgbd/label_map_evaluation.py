@@ -156,9 +156,11 @@ def evaluate_label_maps(
         The scores.
 
     Raises:
-        EvaluationError: If no frame can be scored, or one cannot and `on_error` is `fail`.
+        EvaluationError: If no frame can be scored, or one cannot and `on_error` is `fail`; or if that is neither.
         LabelImagesError: If the method is a folder that holds no label image of any frame.
     """
+    if on_error not in ("skip", "fail"):
+        raise EvaluationError(f"on_error must be 'skip' or 'fail'; got {on_error!r}")
     if len(source) == 0:
         raise EvaluationError("there are no frames to evaluate: the split is empty")
     if isinstance(method, LabelImages):

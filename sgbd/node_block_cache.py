@@ -22,7 +22,6 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from filelock import FileLock, Timeout
 from torch_geometric.data import Data
 from tqdm import tqdm
 
@@ -39,6 +38,7 @@ from sgbd.graph_file import (
 )
 from sgbd.label_map import unpack
 from sgbd.node_block import NodeBlock
+from sgbd.one_process_at_a_time import one_process_at_a_time
 from sgbd.preparation import INDEX_FILE, RECIPE_FILE, PreparationError, frame_fingerprint, graph_file_name, read_index
 from sgbd.recipe import recipe_hash
 from sgbd.segmenter import node_map
@@ -84,19 +84,11 @@ def prepare_node_block(folder: Path, source: FrameSource, block: NodeBlock, *, p
         return target
     try:
         split.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(target / f"{source.split}.lock")
-        try:
-            lock.acquire(timeout=0)
-        except Timeout:
-            log.info("another process computes %s: waiting until it is done", split)
-            lock.acquire()
-        try:
+        with one_process_at_a_time(target / f"{source.split}.lock", log, f"computes {split}"):
             if not _is_complete(split, graphs):
                 _compute(folder, split, graphs, source, block, progress)
                 write_whole(target / RECIPE_FILE, (json.dumps(recipe, indent=2) + "\n").encode())
                 write_whole(split / INDEX_FILE, json.dumps(_index(graphs)).encode())
-        finally:
-            lock.release()
     except OSError as error:
         raise PreparationError(cannot_write(split, error)) from error
     return target

@@ -24,6 +24,8 @@ log = logging.getLogger(__name__)
 @entry_point("predict")
 def main(config: DictConfig) -> None:
     """Segment every frame; write label image, overlay and JSON while going on."""
+    if config.on_error not in ("skip", "fail"):
+        raise ConfigurationError(f"on_error must be skip or fail; got {config.on_error!r}")
     segmenter = Segmenter.load(
         find_checkpoint(config.checkpoint, config.output_dir),
         partition=instantiate(config.partition),

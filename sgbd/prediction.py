@@ -16,7 +16,8 @@ from sgbd.frame import MILLIMETRES, Frame, Intrinsics
 from sgbd.overlay import overlay
 from sgbd.segmentation import Segmentation
 from sgbd.sources import ColorDepthRecording, Folder, FrameReadError, FrameSource, TumRecording, VideoPair
-from sgbd.sources.image import IMAGE_SUFFIXES, read_depth, read_rgb
+from sgbd.sources.camera import intrinsics_option
+from sgbd.sources.image import IMAGE_SUFFIXES, checked_depth_scale, read_depth, read_rgb
 from sgbd.sources.notices import info_once
 from sgbd.sources.tum_recording import TOLERANCE, TUM_DEPTH_SCALE
 from sgbd.sources.video_pair import VIDEO_SUFFIXES
@@ -68,8 +69,8 @@ def find_frames(
         FrameReadError: If it is nothing that frames are read from.
         ValueError: If the scale is not positive or the tolerance is negative.
     """
-    if depth_scale is not None and not depth_scale > 0:
-        raise ValueError(f"depth_scale must be positive, in metres a unit; got {depth_scale}")
+    if depth_scale is not None:
+        checked_depth_scale(depth_scale)
     if not time_tolerance >= 0:
         raise ValueError(f"time_tolerance must be 0 or more, in seconds; got {time_tolerance}")
     place = Path(rgb).expanduser()
@@ -175,9 +176,8 @@ class RecordedFrames(FrameSource):
 
     def options(self) -> dict[str, Any]:
         """Return the options that change what is read."""
-        camera = self.intrinsics
         return {
-            "intrinsics": camera and [camera.fx, camera.fy, camera.cx, camera.cy],
+            "intrinsics": intrinsics_option(self.intrinsics),
             "depth_scale": self.depth_scale,
         }
 

@@ -210,6 +210,14 @@ class Segmentation:
     edge_index: npt.NDArray[np.int64]
     edge_probability: npt.NDArray[np.float32]
 
+    def __repr__(self) -> str:
+        height, width = self.instances.shape
+        superpixels = int(self.superpixels.max(initial=-1)) + 1
+        return (
+            f"Segmentation({len(self.scores)} objects, {width}x{height} pixels, {superpixels} superpixels, "
+            f"{len(self.edge_probability)} edges)"
+        )
+
 
 def paint(
     superpixels: npt.NDArray[np.int32], data: Data | GraphTensors, classification: Classification, segments: Segments

@@ -33,6 +33,7 @@ RULE_PARAMETERS = ("min_objectness", "min_area")
 
 Setting = dict[str, Any]
 MakePartitioner = Callable[[Mapping[str, Any]], Partitioner]
+MakeRule = Callable[[Mapping[str, Any]], ObjectRule]
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +136,7 @@ class Tuning:
             objectness: The objectness head, if there is one, in evaluation mode.
             partition: The partitioner's configuration, from which the search starts. Of its parameters those are
                 searched that its class has under the names above; the others stay.
-            objects: The rule's configuration.
+            objects: The rule's configuration, of which the same holds.
             trust: Packages beside `sgbd` whose classes the configurations may name.
 
         Returns:
@@ -158,16 +159,18 @@ class Tuning:
             made: Partitioner = instantiate({**partition, **chosen}, object, trust)  # type: ignore[assignment]
             return made
 
-        rule = instantiate(objects, ObjectRule, trust)
+        def rule(setting: Mapping[str, Any]) -> ObjectRule:
+            chosen = {name: value for name, value in setting.items() if name in RULE_PARAMETERS}
+            return instantiate({**objects, **chosen}, ObjectRule, trust)
+
         start = {name: getattr(partitioner({}), name, None) for name in PARTITION_PARAMETERS}
-        start |= {name: getattr(rule, name) for name in RULE_PARAMETERS}
-        names = [name for name in PARTITION_PARAMETERS if start[name] is not None]
         if objectness is None:
-            names = [name for name in names if name != "objectness_weight"]
+            start.pop("objectness_weight")
         else:
-            names += RULE_PARAMETERS
-        start = {name: start[name] for name in names}
-        search = _Search(classified, partitioner, unaided=objectness is not None)
+            start |= {name: getattr(rule({}), name, None) for name in RULE_PARAMETERS}
+        start = {name: value for name, value in start.items() if value is not None}
+        names = list(start)
+        search = _Search(classified, partitioner, None if objectness is None else rule)
         best = self._search(search, start, names)
         before, after = search.tried[_key(start)], search.tried[_key(best)]
         table = search.table(names)
@@ -206,13 +209,19 @@ class Tuning:
 
 
 class _Search:
-    """Settings tried so far, with their scores."""
+    """Settings tried so far, with their scores.
 
-    def __init__(self, graphs: Sequence[ScoredGraph], partitioner: MakePartitioner, unaided: bool) -> None:
+    Args:
+        graphs: Validation graphs.
+        partitioner: Makes the partitioner of a setting.
+        rule: Makes the rule of a setting; None to ask the truth what an object is.
+    """
+
+    def __init__(self, graphs: Sequence[ScoredGraph], partitioner: MakePartitioner, rule: MakeRule | None) -> None:
         self.graphs = graphs
         self.partitioner = partitioner
-        self.unaided = unaided
-        self.protocol = "unaided" if unaided else "all"
+        self.rule = rule
+        self.protocol = "all" if rule is None else "unaided"
         self.settings: list[Setting] = []
         self.tried: dict[tuple[Any, ...], dict[str, float]] = {}
 
@@ -286,7 +295,7 @@ class _Search:
         return described
 
     def _rule(self, setting: Setting) -> ObjectRule | None:
-        return ObjectRule(setting["min_objectness"], setting["min_area"]) if self.unaided else None
+        return None if self.rule is None else self.rule(setting)
 
 
 def _key(setting: Mapping[str, Any]) -> tuple[Any, ...]:

@@ -140,3 +140,20 @@ def test_unknown_camera_is_the_default() -> None:
 def test_a_camera_must_project(field: str, value: float) -> None:
     with pytest.raises(FrameError, match="fx > 0"):
         dataclasses.replace(Intrinsics(1, 1, 0, 0), **{field: value})
+
+
+@pytest.mark.parametrize("camera", [(525, 525, 319.5, 239.5), np.eye(3), {"fx": 525, "fy": 525, "cx": 2, "cy": 1}])
+def test_a_camera_in_another_form_is_refused(camera: object) -> None:
+    with pytest.raises(FrameError, match=rf"sgbd\.Intrinsics\(fx, fy, cx, cy\).*got {type(camera).__name__}"):
+        Frame(rgb(), metres(), camera)  # type: ignore[arg-type]
+
+
+def test_a_path_is_no_image() -> None:
+    with pytest.raises(FrameError, match=r"rgb must be an array of the pixels; got str\. Read image files first"):
+        Frame("frame_rgb.png", metres())  # type: ignore[arg-type]
+    with pytest.raises(FrameError, match="depth must be an array of the pixels; got NoneType"):
+        Frame(rgb(), None)  # type: ignore[arg-type]
+
+
+def test_a_frame_is_shown_in_one_line() -> None:
+    assert repr(Frame(rgb(), metres(), name="one")) == "Frame('one', 4x3 pixels, unknown camera, without truth)"

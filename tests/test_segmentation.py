@@ -8,7 +8,7 @@ from torch_geometric.data import Data
 
 from sgbd.graph import build_graph
 from sgbd.partition import ConnectedComponents
-from sgbd.segmentation import Classification, ObjectRule, classify, paint, partition_graph
+from sgbd.segmentation import Classification, ObjectRule, Segmentation, classify, paint, partition_graph
 from tests.label_maps import frames, label_maps
 
 # Four superpixels in a row; the borders between them are 10, 20 and 30 pixels long.
@@ -107,3 +107,15 @@ def test_objects_cover_what_the_rule_keeps(label_map: npt.NDArray[np.int32], dra
     assert len(painted.scores) == segments.is_object.sum() == painted.instances.max(initial=0)
     assert (painted.scores[:-1] >= painted.scores[1:]).all()
     assert ((painted.instances > 0) == segments.is_object[segments.segment][label_map]).all()
+
+
+def test_a_segmentation_is_shown_in_one_line() -> None:
+    shown = Segmentation(
+        instances=np.zeros((3, 4), np.int32),
+        scores=np.zeros(2, np.float32),
+        objectness=np.zeros(2, np.float32),
+        superpixels=np.repeat(np.array([[0, 1, 2, 2]], np.int32), 3, axis=0),
+        edge_index=np.array([[0, 1], [1, 2]]),
+        edge_probability=np.zeros(2, np.float32),
+    )
+    assert repr(shown) == "Segmentation(2 objects, 4x3 pixels, 3 superpixels, 2 edges)"

@@ -68,6 +68,20 @@ def test_thresholds_that_separate_are_found(graphs: SuperpixelGraphDataset) -> N
     assert (result.summary["protocol"], result.summary["frames"]) == ("unaided", 3)
 
 
+class NoObjects(ObjectRule):
+    """A rule of a user's own, by which nothing is an object."""
+
+    def accepts(self, objectness: np.ndarray, area: np.ndarray) -> np.ndarray:
+        return np.zeros(len(area), bool)
+
+
+def test_a_rule_of_ones_own_decides(graphs: SuperpixelGraphDataset) -> None:
+    own = {**RULE, "_target_": "tests.test_tuning.NoObjects"}
+    result = Tuning(**SMALL, rounds=0)(graphs, TooMerging(), TooStrict(), COMPONENTS, own, trust=("tests",))
+    assert result.objects["_target_"] == own["_target_"]
+    assert result.summary["before"] == result.summary["after"] == 0
+
+
 def test_objectness_in_the_partition_is_found_where_it_helps(graphs: SuperpixelGraphDataset) -> None:
     given = {**SMALL, "threshold": [0.5], "objectness_weight": [0.0, 1.0]}
     result = Tuning(**given, rounds=0)(graphs, TooMerging(), TooStrict(), COMPONENTS, RULE)

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import torch
-from torch import Tensor, nn
-from torch.nn.functional import linear
+from collections.abc import Callable
 
-from sgbd.models.edge_classifier import EdgeClassifier
+import torch
+from torch import Tensor
+
+from sgbd.models.gated_network import GatedLayer, GatedNetwork
 from sgbd.models.gated_pass import gated_pass
-from sgbd.models.in_evaluation import can_be_compiled, scale_and_shift
-from sgbd.models.input_encoder import InputEncoder
+from sgbd.models.in_evaluation import can_be_compiled
 from sgbd.models.neighbourhood import sum_by
 from sgbd.models.perceptron import Perceptron
 
 
-class GatedConvolution(nn.Module):
+class GatedConvolution(GatedLayer):
     r"""One layer of the residual gated graph convolution.
 
     .. math::
@@ -33,13 +33,7 @@ class GatedConvolution(nn.Module):
     """
 
     def __init__(self, channels: int, dropout: float = 0.0) -> None:
-        super().__init__()
-        # A, B, U and V act on the same rows: one matrix product instead of four.
-        self.node_linear = nn.Linear(channels, 4 * channels)
-        self.edge_linear = nn.Linear(channels, channels, bias=False)
-        self.node_norm = nn.BatchNorm1d(channels)
-        self.edge_norm = nn.BatchNorm1d(channels)
-        self.dropout = nn.Dropout(dropout)
+        super().__init__(channels, node_maps=4, dropout=dropout)  # A, B, U and V
 
     def forward(self, nodes: Tensor, edges: Tensor, edge_index: Tensor) -> tuple[Tensor, Tensor]:
         """Update the states once.
@@ -67,22 +61,13 @@ class GatedConvolution(nn.Module):
             edges = edges + self.dropout(torch.relu(self.edge_norm(gate_logits)))
         return nodes, edges
 
-    def update_in_place(self, nodes: Tensor, edges: Tensor, first: Tensor, neighbours: Tensor) -> None:
-        """Update the states once, as `forward` does in evaluation; see `sgbd.models.gated_pass.gated_pass`."""
-        terms = [
-            linear(nodes, self.node_linear.weight, self.node_linear.bias),
-            linear(edges, self.edge_linear.weight),
-            nodes,
-            edges,
-            first,
-            neighbours,
-            *scale_and_shift(self.node_norm),
-            *scale_and_shift(self.edge_norm),
-        ]
-        gated_pass(*(tensor.detach().numpy() for tensor in terms))
+    @property
+    def compiled_pass(self) -> Callable[..., None]:
+        """The loop of `gated_pass`."""
+        return gated_pass
 
 
-class GatedGCN(EdgeClassifier):
+class GatedGCN(GatedNetwork):
     """Gated graph convolutions; the logit is read from the two nodes' states and the state of their edge.
 
     About 100,000 parameters as configured by default, to be compared with `SharedMLP` at equal size.
@@ -106,47 +91,28 @@ class GatedGCN(EdgeClassifier):
         num_layers: int = 4,
         dropout: float = 0.0,
     ) -> None:
-        super().__init__(node_channels, edge_channels)
-        if hidden_channels < 1 or num_layers < 1:
-            raise ValueError(
-                "GatedGCN needs hidden_channels >= 1 and num_layers >= 1; got "
-                f"hidden_channels={hidden_channels}, num_layers={num_layers}"
-            )
-        self.hidden_channels = hidden_channels
-        self.node_encoder = InputEncoder(node_channels, hidden_channels)
-        self.edge_encoder = InputEncoder(edge_channels, hidden_channels)
-        self.layers = nn.ModuleList(GatedConvolution(hidden_channels, dropout) for _ in range(num_layers))
+        super().__init__(
+            node_channels,
+            edge_channels,
+            edge_inputs=edge_channels,
+            hidden_channels=hidden_channels,
+            num_layers=num_layers,
+            layer=lambda: GatedConvolution(hidden_channels, dropout),
+        )
         self.readout = Perceptron([3 * hidden_channels, hidden_channels, 1], norm=False)
-
-    @property
-    def state_channels(self) -> tuple[int, int]:
-        """Width of the node states and of the edge states."""
-        return self.hidden_channels, self.hidden_channels
 
     def embed(self, x: Tensor, edge_index: Tensor, edge_attr: Tensor) -> tuple[Tensor, Tensor]:
         """Pass messages over the whole graph; see `EdgeClassifier.embed`."""
-        if can_be_compiled(self, x):
-            return self._embed_compiled(x, edge_index, edge_attr)
-        nodes, edges = self.node_encoder(x), self.edge_encoder(edge_attr)
-        for layer in self.layers:
-            nodes, edges = layer(nodes, edges, edge_index)
-        return nodes, edges
-
-    def _embed_compiled(self, x: Tensor, edge_index: Tensor, edge_attr: Tensor) -> tuple[Tensor, Tensor]:
-        """Do in evaluation what `embed` does, with the edges in the order of the nodes that they lead to."""
+        if not can_be_compiled(self, x):
+            return self.pass_messages(x, edge_attr, edge_index)
+        # The compiled loop takes the edges in the order of the nodes that they lead to.
         neighbour, centre = edge_index
         order = torch.argsort(centre, stable=True)
         first = torch.zeros(x.size(0) + 1, dtype=torch.int64)
         torch.cumsum(torch.bincount(centre, minlength=x.size(0)), 0, out=first[1:])
-        nodes, edges = self.node_encoder(x), self.edge_encoder(edge_attr.index_select(0, order))
-        if self.node_encoder.linear is None:
-            nodes = nodes.clone(memory_format=torch.contiguous_format)  # a view of a parameter, which must not change
-        if self.edge_encoder.linear is None:
-            edges = edges.clone(memory_format=torch.contiguous_format)
-        neighbours = neighbour.index_select(0, order)
-        for layer in self.layers:
-            assert isinstance(layer, GatedConvolution)
-            layer.update_in_place(nodes, edges, first, neighbours)
+        nodes, edges = self.pass_messages_compiled(
+            x, edge_attr.index_select(0, order), first, neighbour.index_select(0, order)
+        )
         return nodes, torch.empty_like(edges).index_copy_(0, order, edges)
 
     def score(self, source: Tensor, target: Tensor, edge: Tensor) -> Tensor:

@@ -36,3 +36,8 @@ class InputEncoder(nn.Module):
         assert self.linear is not None
         encoded: Tensor = self.linear(rows)
         return encoded
+
+    def in_own_memory(self, rows: Tensor) -> Tensor:
+        """Encode rows as `forward` does, into memory that may be changed: it shares none with a parameter."""
+        encoded: Tensor = self(rows)
+        return encoded if self.state is None else encoded.clone(memory_format=torch.contiguous_format)

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import linear
 
 from sgbd.graph import edge_positions
-from sgbd.models.edge_classifier import EdgeClassifier
+from sgbd.models.gated_network import GatedLayer, GatedNetwork
 from sgbd.models.gated_pass import symmetric_pass
-from sgbd.models.in_evaluation import can_be_compiled, scale_and_shift
-from sgbd.models.input_encoder import InputEncoder
+from sgbd.models.in_evaluation import can_be_compiled
 
 if TYPE_CHECKING:
     from torch_geometric.data import Data
 
 
-class SymmetricConvolution(nn.Module):
+class SymmetricConvolution(GatedLayer):
     r"""One layer of the gated graph convolution, with one state for the two directions of an edge.
 
     .. math::
@@ -35,13 +34,7 @@ class SymmetricConvolution(nn.Module):
     """
 
     def __init__(self, channels: int, dropout: float = 0.0) -> None:
-        super().__init__()
-        # A, U and V act on the same rows: one matrix product instead of three.
-        self.node_linear = nn.Linear(channels, 3 * channels)
-        self.edge_linear = nn.Linear(channels, channels, bias=False)
-        self.node_norm = nn.BatchNorm1d(channels)
-        self.edge_norm = nn.BatchNorm1d(channels)
-        self.dropout = nn.Dropout(dropout)
+        super().__init__(channels, node_maps=3, dropout=dropout)  # A, U and V
 
     def forward(self, nodes: Tensor, edges: Tensor, pairs: Tensor) -> tuple[Tensor, Tensor]:
         """Update the states once.
@@ -71,21 +64,13 @@ class SymmetricConvolution(nn.Module):
         edges = edges + self.dropout(torch.relu(self.edge_norm(gate_logits)))
         return nodes, edges
 
-    def update_in_place(self, nodes: Tensor, edges: Tensor, pairs: Tensor) -> None:
-        """Update the states once, as `forward` does in evaluation; see `sgbd.models.gated_pass.symmetric_pass`."""
-        terms = [
-            linear(nodes, self.node_linear.weight, self.node_linear.bias),
-            linear(edges, self.edge_linear.weight),
-            nodes,
-            edges,
-            pairs,
-            *scale_and_shift(self.node_norm),
-            *scale_and_shift(self.edge_norm),
-        ]
-        symmetric_pass(*(tensor.detach().numpy() for tensor in terms))
+    @property
+    def compiled_pass(self) -> Callable[..., None]:
+        """The loop of `symmetric_pass`."""
+        return symmetric_pass
 
 
-class SymmetricGCN(EdgeClassifier):
+class SymmetricGCN(GatedNetwork):
     """Gated graph convolutions on undirected edges; the logit is the same whichever end of a pair comes first.
 
     What differs between the two directions of an edge (such as the distance of one end to the other's plane) enters as
@@ -110,44 +95,26 @@ class SymmetricGCN(EdgeClassifier):
         num_layers: int = 4,
         dropout: float = 0.0,
     ) -> None:
-        super().__init__(node_channels, edge_channels)
-        if hidden_channels < 1 or num_layers < 1:
-            raise ValueError(
-                "SymmetricGCN needs hidden_channels >= 1 and num_layers >= 1; got "
-                f"hidden_channels={hidden_channels}, num_layers={num_layers}"
-            )
-        self.hidden_channels = hidden_channels
-        self.node_encoder = InputEncoder(node_channels, hidden_channels)
-        self.edge_encoder = InputEncoder(2 * edge_channels, hidden_channels)
-        self.layers = nn.ModuleList(SymmetricConvolution(hidden_channels, dropout) for _ in range(num_layers))
+        super().__init__(
+            node_channels,
+            edge_channels,
+            edge_inputs=2 * edge_channels,
+            hidden_channels=hidden_channels,
+            num_layers=num_layers,
+            layer=lambda: SymmetricConvolution(hidden_channels, dropout),
+        )
         self.readout = nn.Sequential(
             nn.Linear(3 * hidden_channels, hidden_channels), nn.ReLU(), nn.Linear(hidden_channels, 1)
         )
-
-    @property
-    def state_channels(self) -> tuple[int, int]:
-        """Width of the node states and of the edge states."""
-        return self.hidden_channels, self.hidden_channels
 
     def forward(self, data: Data) -> Tensor:
         """Give the merge logit of every pair in `data.edge_label_index`; see `EdgeClassifier.forward`."""
         self._check_width("x", data.x, self.node_channels, "node")
         self._check_width("edge_attr", data.edge_attr, self.edge_channels, "edge")
         pairs, attributes = undirected(data.edge_index, self.standardize_edges(data.edge_attr), data.x.size(0))
-        nodes, edges = self.node_encoder(self.standardize_nodes(data.x)), self.edge_encoder(attributes)
-        if can_be_compiled(self, data.x):
-            # What an encoder without columns gives is a view of a parameter, which must not change.
-            nodes, edges = (
-                states.clone(memory_format=torch.contiguous_format) if encoder.linear is None else states
-                for states, encoder in ((nodes, self.node_encoder), (edges, self.edge_encoder))
-            )
-            pairs = pairs.contiguous()
-            for layer in self.layers:
-                assert isinstance(layer, SymmetricConvolution)
-                layer.update_in_place(nodes, edges, pairs)
-        else:
-            for layer in self.layers:
-                nodes, edges = layer(nodes, edges, pairs)
+        x, pairs = self.standardize_nodes(data.x), pairs.contiguous()
+        run = self.pass_messages_compiled if can_be_compiled(self, data.x) else self.pass_messages
+        nodes, edges = run(x, attributes, pairs)
         asked = data.edge_label_index
         if asked.shape != pairs.shape or not torch.equal(asked, pairs):
             ordered = torch.stack([asked.amin(0), asked.amax(0)])
@@ -157,10 +124,8 @@ class SymmetricGCN(EdgeClassifier):
     def pair_logits(self, x: Tensor, pairs: Tensor, edge_attr: Tensor) -> Tensor:
         """Give the merge logits of a whole graph; see `EdgeClassifier.pair_logits`."""
         attributes, count = self.standardize_edges(edge_attr), pairs.size(1)
-        nodes = self.node_encoder(self.standardize_nodes(x))
-        edges = self.edge_encoder(mean_and_difference(attributes[:count], attributes[count:]))
-        for layer in self.layers:
-            nodes, edges = layer(nodes, edges, pairs)
+        attributes = mean_and_difference(attributes[:count], attributes[count:])
+        nodes, edges = self.pass_messages(self.standardize_nodes(x), attributes, pairs)
         return self.score(nodes.index_select(0, pairs[0]), nodes.index_select(0, pairs[1]), edges)
 
     def score(self, source: Tensor, target: Tensor, edge: Tensor) -> Tensor:

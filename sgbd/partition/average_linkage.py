@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from sgbd.partition.contraction import agglomerate
 from sgbd.partition.edge_weight import BorderWeight, border_share, check_border_weight
-from sgbd.partition.partitioner import check_graph, check_objectness_weight, check_threshold, joint_probability
+from sgbd.partition.threshold_partitioner import ThresholdPartitioner
 
 
-class AverageLinkage:
+class AverageLinkage(ThresholdPartitioner):
     """Joins the segments whose common border has the greatest mean merge probability, while that is above a threshold.
 
     The signed average linkage of GASP (Bailoni et al., CVPR 2022, doi:10.1109/CVPR52688.2022.01135). Unlike in a
@@ -34,27 +34,17 @@ class AverageLinkage:
         cannot_link: bool = False,
         objectness_weight: float = 0.0,
     ) -> None:
-        self.threshold = check_threshold(threshold)
+        super().__init__(threshold, objectness_weight)
         self.border_weight: BorderWeight = check_border_weight(border_weight)
         self.cannot_link = bool(cannot_link)
-        self.objectness_weight = check_objectness_weight(objectness_weight)
 
-    def __call__(
+    def partition(
         self,
         num_nodes: int,
-        pairs: ArrayLike,
-        probability: ArrayLike,
-        border_length: ArrayLike,
-        objectness: ArrayLike | None = None,
+        pairs: NDArray[np.int64],
+        probability: NDArray[np.float64],
+        border_length: NDArray[np.float64],
     ) -> NDArray[np.int64]:
-        """Partition a graph; see `sgbd.partition.Partitioner`. Pairs that don't touch count like a pixel of border."""
-        ends, merge, length = check_graph(num_nodes, pairs, probability, border_length)
-        merge = joint_probability(ends, merge, objectness, self.objectness_weight)
-        share = border_share(np.maximum(length, 1), self.border_weight)
-        return agglomerate(num_nodes, ends, merge - self.threshold, "mean", share, self.cannot_link)
-
-    def __repr__(self) -> str:
-        return (
-            f"{type(self).__name__}(threshold={self.threshold}, border_weight={self.border_weight!r}, "
-            f"cannot_link={self.cannot_link}, objectness_weight={self.objectness_weight})"
-        )
+        """Partition a graph; pairs that don't touch count like a pixel of border."""
+        share = border_share(np.maximum(border_length, 1), self.border_weight)
+        return agglomerate(num_nodes, pairs, probability - self.threshold, "mean", share, self.cannot_link)

@@ -48,14 +48,3 @@ def check_border_weight(border_weight: BorderWeight) -> BorderWeight:
     if border_weight not in ("length", "log", "none"):
         raise ValueError(f"border_weight must be 'length', 'log' or 'none', got {border_weight!r}")
     return border_weight
-
-
-def check_epsilon(epsilon: float) -> float:
-    """Check how far probabilities are kept from 0 and 1.
-
-    Raises:
-        ValueError: if it isn't between 0 and 0.5, both excluded.
-    """
-    if not 0 < epsilon < 0.5:
-        raise ValueError(f"epsilon must be between 0 and 0.5 (both excluded), got {epsilon}")
-    return float(epsilon)

@@ -53,9 +53,6 @@ class Multicut(GreedyMulticut):
         segment = greedy_additive_edge_contraction(num_nodes, pairs, weight)
         return kernighan_lin(pairs, weight, segment, self.max_rounds)
 
-    def __repr__(self) -> str:
-        return f"{super().__repr__()[:-1]}, max_rounds={self.max_rounds})"
-
 
 def kernighan_lin(
     pairs: NDArray[np.int64], weight: NDArray[np.float64], segment: NDArray[np.int64], max_rounds: int = 20

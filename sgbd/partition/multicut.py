@@ -8,21 +8,13 @@ One wrong edge is outvoted by the others along the same border, which is what co
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from sgbd.partition.contraction import agglomerate
-from sgbd.partition.edge_weight import (
-    EDGE_EPSILON,
-    BorderWeight,
-    border_share,
-    check_border_weight,
-    check_epsilon,
-    logit_weights,
-)
-from sgbd.partition.partitioner import check_graph, check_objectness_weight, check_threshold, joint_probability
+from sgbd.partition.threshold_partitioner import SignedWeightPartitioner
 
 
-class GreedyMulticut:
+class GreedyMulticut(SignedWeightPartitioner):
     """Greedy additive edge contraction (GAEC).
 
     Contracts the edge of greatest weight, adds up the weights of edges that become parallel, and goes on until no
@@ -44,50 +36,9 @@ class GreedyMulticut:
             `sgbd.partition.partitioner.joint_probability`; 0 for not at all.
     """
 
-    def __init__(
-        self,
-        threshold: float = 0.5,
-        border_weight: BorderWeight = "length",
-        epsilon: float = EDGE_EPSILON,
-        objectness_weight: float = 0.0,
-    ) -> None:
-        self.threshold = check_threshold(threshold)
-        self.border_weight: BorderWeight = check_border_weight(border_weight)
-        self.epsilon = check_epsilon(epsilon)
-        self.objectness_weight = check_objectness_weight(objectness_weight)
-
-    def __call__(
-        self,
-        num_nodes: int,
-        pairs: ArrayLike,
-        probability: ArrayLike,
-        border_length: ArrayLike,
-        objectness: ArrayLike | None = None,
-    ) -> NDArray[np.int64]:
-        """Partition a graph; see `sgbd.partition.Partitioner`."""
-        ends, merge, length = check_graph(num_nodes, pairs, probability, border_length)
-        merge = joint_probability(ends, merge, objectness, self.objectness_weight)
-        return self.solve(num_nodes, ends, self.weights(merge, length))
-
-    def weights(self, probability: ArrayLike, border_length: ArrayLike) -> NDArray[np.float64]:
-        """Signed weight of each edge, float64 [E]: positive for merging, negative for cutting.
-
-        Args:
-            probability: float [E], merge probabilities.
-            border_length: float [E], pixels.
-        """
-        share = border_share(border_length, self.border_weight)
-        return logit_weights(probability, self.threshold, self.epsilon) * share
-
     def solve(self, num_nodes: int, pairs: NDArray[np.int64], weight: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Partition a graph with signed weights; arguments as of `greedy_additive_edge_contraction`."""
+        """Partition a graph with signed weights; see `SignedWeightPartitioner.solve`."""
         return greedy_additive_edge_contraction(num_nodes, pairs, weight)
-
-    def __repr__(self) -> str:
-        return (
-            f"{type(self).__name__}(threshold={self.threshold}, border_weight={self.border_weight!r}, "
-            f"epsilon={self.epsilon}, objectness_weight={self.objectness_weight})"
-        )
 
 
 def multicut_cost(pairs: NDArray[np.int64], weight: NDArray[np.float64], segment: NDArray[np.int64]) -> float:

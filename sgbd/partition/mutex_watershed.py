@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from sgbd.partition.contraction import agglomerate
-from sgbd.partition.edge_weight import (
-    EDGE_EPSILON,
-    BorderWeight,
-    border_share,
-    check_border_weight,
-    check_epsilon,
-    logit_weights,
-)
-from sgbd.partition.partitioner import check_graph, check_objectness_weight, check_threshold, joint_probability
+from sgbd.partition.edge_weight import EDGE_EPSILON, BorderWeight
+from sgbd.partition.threshold_partitioner import SignedWeightPartitioner
 
 
-class MutexWatershed:
+class MutexWatershed(SignedWeightPartitioner):
     """Goes through the edges from the surest to the least sure one; each either joins or forbids to join.
 
     An edge above the threshold joins its two segments, unless that is forbidden; one below forbids them, and all that
@@ -43,27 +36,8 @@ class MutexWatershed:
         epsilon: float = EDGE_EPSILON,
         objectness_weight: float = 0.0,
     ) -> None:
-        self.threshold = check_threshold(threshold)
-        self.border_weight: BorderWeight = check_border_weight(border_weight)
-        self.epsilon = check_epsilon(epsilon)
-        self.objectness_weight = check_objectness_weight(objectness_weight)
+        super().__init__(threshold, border_weight, epsilon, objectness_weight)
 
-    def __call__(
-        self,
-        num_nodes: int,
-        pairs: ArrayLike,
-        probability: ArrayLike,
-        border_length: ArrayLike,
-        objectness: ArrayLike | None = None,
-    ) -> NDArray[np.int64]:
-        """Partition a graph; see `sgbd.partition.Partitioner`."""
-        ends, merge, length = check_graph(num_nodes, pairs, probability, border_length)
-        merge = joint_probability(ends, merge, objectness, self.objectness_weight)
-        weight = logit_weights(merge, self.threshold, self.epsilon) * border_share(length, self.border_weight)
-        return agglomerate(num_nodes, ends, weight, "absolute_maximum", cannot_link=True)
-
-    def __repr__(self) -> str:
-        return (
-            f"{type(self).__name__}(threshold={self.threshold}, border_weight={self.border_weight!r}, "
-            f"epsilon={self.epsilon}, objectness_weight={self.objectness_weight})"
-        )
+    def solve(self, num_nodes: int, pairs: NDArray[np.int64], weight: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Partition a graph with signed weights; see `SignedWeightPartitioner.solve`."""
+        return agglomerate(num_nodes, pairs, weight, "absolute_maximum", cannot_link=True)

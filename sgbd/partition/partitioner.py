@@ -107,28 +107,6 @@ def joint_probability(
     return joint
 
 
-def check_objectness_weight(weight: float) -> float:
-    """Check how much the objectness says in a partition.
-
-    Raises:
-        ValueError: if it is negative or not finite.
-    """
-    if not 0 <= weight < np.inf:
-        raise ValueError(f"objectness_weight must be a finite number from 0 on, got {weight}")
-    return float(weight)
-
-
-def check_threshold(threshold: float) -> float:
-    """Check the probability from which edges speak for merging.
-
-    Raises:
-        ValueError: if it isn't between 0 and 1, both excluded.
-    """
-    if not 0 < threshold < 1:
-        raise ValueError(f"threshold must be a probability between 0 and 1 (both excluded), got {threshold}")
-    return float(threshold)
-
-
 def number_by_first_appearance(group: NDArray[np.integer]) -> NDArray[np.int64]:
     """Rename groups to 0, 1, 2 … in the order in which they first appear.
 

@@ -31,6 +31,11 @@ def intrinsics_from(value: Intrinsics | Mapping[str, Any] | None) -> Intrinsics 
     return Intrinsics(fx, fy, cx, cy)
 
 
+def intrinsics_option(camera: Intrinsics | None) -> list[float] | None:
+    """Return fx, fy, cx and cy for `sgbd.sources.FrameSource.options`, or None for an unknown camera."""
+    return None if camera is None else [camera.fx, camera.fy, camera.cx, camera.cy]
+
+
 def intrinsics_from_view(width: int, height: int, vertical_degrees: float) -> Intrinsics:
     """Return the intrinsics of a rendered view: square pixels, principal point in the middle of the image.
 

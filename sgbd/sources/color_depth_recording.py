@@ -10,19 +10,19 @@ from pathlib import Path
 from typing import Any
 
 from sgbd.frame import MILLIMETRES, Frame, Intrinsics
-from sgbd.sources.camera import intrinsics_from
+from sgbd.sources.camera import intrinsics_from, intrinsics_option
 from sgbd.sources.camera_file import CAMERA_FILES, CameraFile, find_camera_file, read_camera_file
-from sgbd.sources.errors import DatasetNotFoundError, FrameReadError
-from sgbd.sources.image import IMAGE_SUFFIXES, read_depth, read_rgb
+from sgbd.sources.dataset_folder import DatasetFolder
+from sgbd.sources.errors import FrameReadError
+from sgbd.sources.image import IMAGE_SUFFIXES, checked_depth_scale, read_depth, read_rgb
 from sgbd.sources.notices import info_once
-from sgbd.sources.source import FrameSource
 
 log = logging.getLogger(__name__)
 
 _NUMBER = re.compile(r"(\d+)\D*$")
 
 
-class ColorDepthRecording(FrameSource):
+class ColorDepthRecording(DatasetFolder):
     """A folder with the sequences `color` and `depth`, and the camera if the program has written it.
 
     The two images of a frame have the same number, the last one in their names: `color/000012.jpg` and
@@ -54,12 +54,10 @@ root/
         intrinsics: Intrinsics | Mapping[str, Any] | None = None,
         depth_scale: float | None = None,
     ) -> None:
-        if depth_scale is not None and not depth_scale > 0:
-            raise ValueError(f"depth_scale must be positive, in metres a unit; got {depth_scale}")
         self.split = "test"
         self.root = Path(root).expanduser()
         self._given_intrinsics = intrinsics_from(intrinsics)
-        self._given_depth_scale = depth_scale
+        self._given_depth_scale = None if depth_scale is None else checked_depth_scale(depth_scale)
 
     @staticmethod
     def recognizes(root: str | Path) -> bool:
@@ -101,9 +99,8 @@ root/
 
     def options(self) -> Mapping[str, Any]:
         """Return the options that change what is read."""
-        camera = self.intrinsics
         return {
-            "intrinsics": camera and [camera.fx, camera.fy, camera.cx, camera.cy],
+            "intrinsics": intrinsics_option(self.intrinsics),
             "depth_scale": self.depth_scale,
         }
 
@@ -133,8 +130,7 @@ root/
 
     @cached_property
     def _frames(self) -> dict[str, tuple[Path, Path]]:
-        if not self.root.is_dir():
-            raise self._not_found("the folder does not exist")
+        self._require_root()
         color_folder = self.root / ("color" if (self.root / "color").is_dir() else "rgb")
         depth_folder = self.root / "depth"
         for folder in (color_folder, depth_folder):
@@ -178,9 +174,6 @@ root/
         )  # fmt: skip
         if camera and camera.distorted and not self._given_intrinsics:
             log.warning("%s: the lens distortion in it is left out; undistort the images if it is large", camera.path)
-
-    def _not_found(self, missing: str) -> DatasetNotFoundError:
-        return DatasetNotFoundError(self.root, missing, self.layout, self.remedy)
 
 
 def _images_by_number(folder: Path) -> dict[int, Path]:

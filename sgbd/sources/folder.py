@@ -9,13 +9,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from sgbd.frame import MILLIMETRES, Frame, FrameError, Intrinsics
-from sgbd.sources.camera import intrinsics_from
-from sgbd.sources.errors import DatasetNotFoundError, FrameReadError
-from sgbd.sources.image import IMAGE_SUFFIXES, read_depth, read_labels, read_rgb
-from sgbd.sources.label_rule import MOSD, LabelRule, detect_label_rule
+from sgbd.frame import MILLIMETRES, Frame, Intrinsics
+from sgbd.sources.camera import intrinsics_from, intrinsics_option
+from sgbd.sources.dataset_folder import DatasetFolder
+from sgbd.sources.errors import FrameReadError
+from sgbd.sources.image import IMAGE_SUFFIXES, checked_depth_scale, read_depth, read_labels, read_rgb
+from sgbd.sources.label_rule import MOSD, LabelRule, detect_label_rule, read_instances
 from sgbd.sources.notices import info_once
-from sgbd.sources.source import FrameSource
 
 log = logging.getLogger(__name__)
 
@@ -33,7 +33,7 @@ class _Files(NamedTuple):
     labels: Path | None
 
 
-class Folder(FrameSource):
+class Folder(DatasetFolder):
     """RGB-D frames in a folder, with label images where there are any.
 
     A frame is a triple `NAME_rgb.png`, `NAME_depth.png`, `NAME_labels.png`, or three files of one name in the
@@ -77,12 +77,10 @@ root may hold train/, val/ and test/, each of this layout.
             raise ValueError(f"no split {split!r}; choose from {', '.join(SPLITS)}")
         if labels != "auto" and not isinstance(labels, LabelRule):
             raise ValueError(f"labels must be 'auto' or a LabelRule; got {labels!r}")
-        if not depth_scale > 0:
-            raise ValueError(f"depth_scale must be positive, in metres a unit; got {depth_scale}")
         self.root = Path(root).expanduser()
         self.split = split
         self.intrinsics = intrinsics_from(intrinsics)
-        self.depth_scale = depth_scale
+        self.depth_scale = checked_depth_scale(depth_scale)
         self._labels = labels
 
     @property
@@ -123,10 +121,9 @@ root may hold train/, val/ and test/, each of this layout.
 
     def options(self) -> Mapping[str, Any]:
         """Return the options that change what is read."""
-        camera = self.intrinsics
         return {
             "labels": repr(self.label_rule),
-            "intrinsics": camera and [camera.fx, camera.fy, camera.cx, camera.cy],
+            "intrinsics": intrinsics_option(self.intrinsics),
             "depth_scale": self.depth_scale,
         }
 
@@ -138,28 +135,17 @@ root may hold train/, val/ and test/, each of this layout.
             FrameError: If the images differ in size or hold no depth.
         """
         frame = self._frames[index]
-        instances = None
-        if frame.labels is not None:
-            labels = read_labels(frame.labels)
-            try:
-                instances = self.label_rule(labels)
-            except FrameError as error:
-                raise FrameReadError(frame.labels, str(error)) from error
         return Frame(
             rgb=read_rgb(frame.rgb),
             depth=read_depth(frame.depth, self.depth_scale),
             intrinsics=self.intrinsics,
-            instances=instances,
+            instances=None if frame.labels is None else read_instances(frame.labels, self.label_rule),
             name=frame.name,
         )
 
-    def _not_found(self, missing: str) -> DatasetNotFoundError:
-        return DatasetNotFoundError(self.root, missing, self.layout, self.remedy)
-
     @cached_property
     def _frames(self) -> tuple[_Files, ...]:
-        if not self.root.is_dir():
-            raise self._not_found("the folder does not exist")
+        self._require_root()
         if self.split not in self.splits:
             raise self._not_found(f"there is no split {self.split!r}, only {', '.join(self.splits)}")
         subfolder = self.root / self.split

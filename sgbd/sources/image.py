@@ -19,6 +19,17 @@ _GREY_8_BIT = ("1", "L", "P")
 _GREY_DEEP = ("I", "I;16", "I;16B", "I;16L", "I;16N")
 
 
+def checked_depth_scale(depth_scale: float) -> float:
+    """Return how many metres a unit of a depth image is, if it can be.
+
+    Raises:
+        ValueError: If it is not positive.
+    """
+    if not depth_scale > 0:
+        raise ValueError(f"depth_scale must be positive, in metres a unit; got {depth_scale}")
+    return depth_scale
+
+
 def read_rgb(path: str | Path) -> npt.NDArray[np.uint8]:
     """Read a colour image.
 

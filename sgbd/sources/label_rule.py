@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from sgbd.frame import BACKGROUND, IGNORE, SUPPORT, FrameError
+from sgbd.sources.errors import FrameReadError
+from sgbd.sources.image import read_labels
 
 FIRST_OBJECT = SUPPORT + 1
 _UNKNOWN = np.iinfo(np.int32).min
@@ -114,6 +117,26 @@ class LabelRule:
 
     def __hash__(self) -> int:
         return hash(repr(self))
+
+
+def read_instances(path: str | Path, rule: LabelRule) -> npt.NDArray[np.int32]:
+    """Read a label image by a rule.
+
+    Args:
+        path: File as of `sgbd.sources.image.read_labels`.
+        rule: What its labels mean.
+
+    Returns:
+        int32 [H, W] as in `sgbd.Frame.instances`.
+
+    Raises:
+        FrameReadError: If the file is missing, damaged, no label image, or has a label without a meaning.
+    """
+    labels = read_labels(path)
+    try:
+        return rule(labels)
+    except FrameError as error:
+        raise FrameReadError(path, str(error)) from error
 
 
 def detect_label_rule(frames: Iterable[tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]]) -> LabelRule:

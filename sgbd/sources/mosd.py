@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from sgbd.frame import Frame, FrameError, Intrinsics
-from sgbd.sources.camera import intrinsics_from
-from sgbd.sources.errors import DatasetNotFoundError, FrameReadError
+from sgbd.sources.camera import intrinsics_from, intrinsics_option
+from sgbd.sources.dataset_folder import DatasetFolder
+from sgbd.sources.errors import FrameReadError
 from sgbd.sources.label_rule import MOSD, LabelRule
 from sgbd.sources.parts import checked_parts, natural_order
 from sgbd.sources.point_cloud import read_point_cloud
-from sgbd.sources.source import FrameSource
 
 KINECT = Intrinsics(525.0, 525.0, 319.5, 239.5)
 """What the drivers of the first Kinect project 640x480 points with."""
@@ -24,7 +24,7 @@ KINECT = Intrinsics(525.0, 525.0, 319.5, 239.5)
 FOLDERS = ("learn", "test")
 
 
-class Mosd(FrameSource):
+class Mosd(DatasetFolder):
     """Kinect views of tabletops, one labelled point cloud (PCD) a frame.
 
     | part  | frames | boxes | stacked boxes | occluded | cylindric | mixed | complex |
@@ -101,11 +101,10 @@ root/
 
     def options(self) -> Mapping[str, Any]:
         """Return the options that change what is read."""
-        camera = self.intrinsics
         return {
             "parts": {split: list(names) for split, names in self.parts.items()},
             "labels": repr(self.labels),
-            "intrinsics": camera and [camera.fx, camera.fy, camera.cx, camera.cy],
+            "intrinsics": intrinsics_option(self.intrinsics),
             "resolution": list(self.resolution),
         }
 
@@ -146,19 +145,15 @@ root/
 
     @cached_property
     def _names(self) -> tuple[str, ...]:
-        def missing(what: str) -> DatasetNotFoundError:
-            return DatasetNotFoundError(self.root, what, self.layout, self.remedy)
-
-        if not self.root.is_dir():
-            raise missing("the folder does not exist")
+        self._require_root()
         if self.split not in self.parts:
-            raise missing(f"no part is split {self.split!r}, only {', '.join(self.parts)} (option: parts)")
+            raise self._not_found(f"no part is split {self.split!r}, only {', '.join(self.parts)} (option: parts)")
         names = []
         for part in self.parts[self.split]:
             if not (self.root / part).is_dir():
-                raise missing(f"there is no folder {part}")
+                raise self._not_found(f"there is no folder {part}")
             found = [name[:-4] for name in os.listdir(self.root / part) if name.endswith(".pcd")]  # noqa: PTH208
             if not found:
-                raise missing(f"there is no point cloud (.pcd) in {part}")
+                raise self._not_found(f"there is no point cloud (.pcd) in {part}")
             names += [f"{part}/{name}" for name in sorted(found, key=natural_order)]
         return tuple(names)

@@ -10,14 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from sgbd.frame import MILLIMETRES, Frame, FrameError, Intrinsics
-from sgbd.sources.camera import intrinsics_from
-from sgbd.sources.errors import DatasetNotFoundError, FrameReadError
-from sgbd.sources.image import read_depth, read_labels, read_rgb
-from sgbd.sources.label_rule import PLAIN, LabelRule
+from sgbd.frame import MILLIMETRES, Frame, Intrinsics
+from sgbd.sources.camera import intrinsics_from, intrinsics_option
+from sgbd.sources.dataset_folder import DatasetFolder
+from sgbd.sources.image import checked_depth_scale, read_depth, read_rgb
+from sgbd.sources.label_rule import PLAIN, LabelRule, read_instances
 from sgbd.sources.parts import checked_parts, natural_order
 from sgbd.sources.point_cloud import organized_depth
-from sgbd.sources.source import FrameSource
 
 SUBSETS = ("ARID20", "ARID10", "YCB10")
 
@@ -31,7 +30,7 @@ DEPTHS = {"depth": "png", "pcd": "pcd"}
 """Folders that depth may be taken from, and the ending of their files."""
 
 
-class Ocid(FrameSource):
+class Ocid(DatasetFolder):
     """Real clutter of up to 20 objects, put down one by one on floors and tables, seen by two ASUS Xtion cameras.
 
     | subset | objects from                       | a scene at most | scenes                                          |
@@ -105,8 +104,6 @@ root/
             raise ValueError(f"seed must not be negative; got {seed}")
         if depth not in DEPTHS:
             raise ValueError(f"depth must be one of {', '.join(DEPTHS)}; got {depth!r}")
-        if not depth_scale > 0:
-            raise ValueError(f"depth_scale must be positive, in metres a unit; got {depth_scale}")
         self.root = Path(root).expanduser()
         self.split = split
         self.val_share = val_share
@@ -114,7 +111,7 @@ root/
         self.labels = labels
         self.table_labels = table_labels
         self.depth = depth
-        self.depth_scale = depth_scale
+        self.depth_scale = checked_depth_scale(depth_scale)
         self.intrinsics = intrinsics_from(intrinsics)
 
     @property
@@ -142,7 +139,6 @@ root/
 
     def options(self) -> Mapping[str, Any]:
         """Return the options that change what is read."""
-        camera = self.intrinsics
         return {
             "parts": {split: list(names) for split, names in self.parts.items()},
             "val_share": self.val_share,
@@ -151,7 +147,7 @@ root/
             "table_labels": repr(self.table_labels),
             "depth": self.depth,
             "depth_scale": self.depth_scale,
-            "intrinsics": camera and [camera.fx, camera.fy, camera.cx, camera.cy],
+            "intrinsics": intrinsics_option(self.intrinsics),
         }
 
     def read(self, index: int) -> Frame:
@@ -169,21 +165,18 @@ root/
         else:
             depth = read_depth(depth_path, self.depth_scale)
         rule = self.table_labels if "table" in name.split("/") else self.labels
-        labels = read_labels(label_path)
-        try:
-            instances = rule(labels)
-        except FrameError as error:
-            raise FrameReadError(label_path, str(error)) from error
-        return Frame(rgb=read_rgb(rgb_path), depth=depth, intrinsics=camera, instances=instances, name=name)
-
-    def _not_found(self, missing: str) -> DatasetNotFoundError:
-        return DatasetNotFoundError(self.root, missing, self.layout, self.remedy)
+        return Frame(
+            rgb=read_rgb(rgb_path),
+            depth=depth,
+            intrinsics=camera,
+            instances=read_instances(label_path, rule),
+            name=name,
+        )
 
     @cached_property
     def sequences(self) -> tuple[str, ...]:
         """Folder below the root of each sequence of the split."""
-        if not self.root.is_dir():
-            raise self._not_found("the folder does not exist")
+        self._require_root()
         if self.split not in self.splits:
             raise self._not_found(f"no part is split {self.split!r}, only {', '.join(self.splits)} (option: parts)")
         if self.split in self.parts and (self.split != "train" or "val" in self.parts or self.val_share == 0):

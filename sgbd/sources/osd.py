@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from sgbd.frame import MILLIMETRES, Frame, FrameError, Intrinsics
-from sgbd.sources.camera import intrinsics_from
-from sgbd.sources.errors import DatasetNotFoundError, FrameReadError
-from sgbd.sources.image import read_depth, read_labels, read_rgb
-from sgbd.sources.label_rule import LabelRule
+from sgbd.frame import MILLIMETRES, Frame, Intrinsics
+from sgbd.sources.camera import intrinsics_from, intrinsics_option
+from sgbd.sources.dataset_folder import DatasetFolder
+from sgbd.sources.errors import FrameReadError
+from sgbd.sources.image import checked_depth_scale, read_depth, read_rgb
+from sgbd.sources.label_rule import LabelRule, read_instances
 from sgbd.sources.mosd import KINECT
 from sgbd.sources.parts import checked_parts, natural_order
 from sgbd.sources.point_cloud import organized_depth
-from sgbd.sources.source import FrameSource
 
 OSD = LabelRule(support=(), objects=("1-",), offset=1)
 """0 is everything but objects, the table too; every other label is an object."""
@@ -31,7 +31,7 @@ RAW_KINECT_MISSING = 2047
 """What Kinect's raw disparities, of 11 bits, have where there is none."""
 
 
-class Osd(FrameSource):
+class Osd(DatasetFolder):
     """Kinect views of tabletops with boxes, cylinders and everyday things, stacked and occluded.
 
     | part  | frames | boxes | stacked boxes | occluded | cylindric | mixed | complex |
@@ -90,12 +90,10 @@ root/
             raise ValueError(f"OSD has the parts {' and '.join(PARTS)}; got {', '.join(unknown)}")
         if depth not in DEPTHS:
             raise ValueError(f"depth must be one of {', '.join(DEPTHS)}; got {depth!r}")
-        if not depth_scale > 0:
-            raise ValueError(f"depth_scale must be positive, in metres a unit; got {depth_scale}")
         self.root = Path(root).expanduser()
         self.split = split
         self.depth = depth
-        self.depth_scale = depth_scale
+        self.depth_scale = checked_depth_scale(depth_scale)
         self.labels = labels
         self.intrinsics = intrinsics_from(intrinsics)
 
@@ -120,13 +118,12 @@ root/
 
     def options(self) -> Mapping[str, Any]:
         """Return the options that change what is read."""
-        camera = self.intrinsics
         return {
             "parts": {split: list(names) for split, names in self.parts.items()},
             "depth": self.depth,
             "depth_scale": self.depth_scale,
             "labels": repr(self.labels),
-            "intrinsics": camera and [camera.fx, camera.fy, camera.cx, camera.cy],
+            "intrinsics": intrinsics_option(self.intrinsics),
         }
 
     def read(self, index: int) -> Frame:
@@ -139,16 +136,12 @@ root/
         """
         rgb_path, depth_path, labels_path = self.files(index)
         depth, camera = self._depth(depth_path)
-        instances = None
-        if labels_path.exists():
-            try:
-                instances = self.labels(read_labels(labels_path))
-            except FrameReadError:
-                raise
-            except FrameError as error:
-                raise FrameReadError(labels_path, str(error)) from error
         return Frame(
-            rgb=read_rgb(rgb_path), depth=depth, intrinsics=camera, instances=instances, name=self._names[index]
+            rgb=read_rgb(rgb_path),
+            depth=depth,
+            intrinsics=camera,
+            instances=read_instances(labels_path, self.labels) if labels_path.exists() else None,
+            name=self._names[index],
         )
 
     def _depth(self, path: Path) -> tuple[npt.NDArray[np.float32], Intrinsics | None]:
@@ -166,23 +159,19 @@ root/
 
     @cached_property
     def _names(self) -> tuple[str, ...]:
-        def missing(what: str) -> DatasetNotFoundError:
-            return DatasetNotFoundError(self.root, what, self.layout, self.remedy)
-
-        if not self.root.is_dir():
-            raise missing("the folder does not exist")
+        self._require_root()
         if self.split not in self.parts:
-            raise missing(f"no part is split {self.split!r}, only {', '.join(self.parts)} (option: parts)")
+            raise self._not_found(f"no part is split {self.split!r}, only {', '.join(self.parts)} (option: parts)")
         for folder in ("image_color", self.depth):
             if not (self.root / folder).is_dir():
                 hint = f"; use dataset.depth={other}" if folder != "image_color" and (other := self._other()) else ""
-                raise missing(f"there is no folder {folder}{hint}")
+                raise self._not_found(f"there is no folder {folder}{hint}")
         found = [path.stem for path in (self.root / "image_color").glob("*.png")]
         names = []
         for part in self.parts[self.split]:
             its = sorted((name for name in found if name.rstrip("0123456789") == part), key=natural_order)
             if not its:
-                raise missing(f"there is no image {part}*.png in image_color")
+                raise self._not_found(f"there is no image {part}*.png in image_color")
             names += its
         return tuple(names)
 

@@ -17,13 +17,13 @@ import numpy.typing as npt
 from tqdm import tqdm
 
 from sgbd.frame import BACKGROUND, IGNORE, SUPPORT, Frame, FrameError, Intrinsics
-from sgbd.sources.camera import intrinsics_from, intrinsics_from_view
+from sgbd.sources.camera import intrinsics_from, intrinsics_from_view, intrinsics_option
 from sgbd.sources.categories import TOD_CATEGORIES, TODZ_SEEN
-from sgbd.sources.errors import DatasetNotFoundError, FrameReadError
+from sgbd.sources.dataset_folder import DatasetFolder
+from sgbd.sources.errors import FrameReadError
 from sgbd.sources.image import read_depth, read_labels, read_rgb
 from sgbd.sources.notices import info_once
 from sgbd.sources.shapenet import SHAPENET_SYNSETS
-from sgbd.sources.source import FrameSource
 
 log = logging.getLogger(__name__)
 
@@ -79,7 +79,7 @@ class VisibleObject(NamedTuple):
     synset: str | None = None
 
 
-class Tod(FrameSource):
+class Tod(DatasetFolder):
     r"""Rendered tabletop scenes in the layout of the Tabletop Object Dataset.
 
     | dataset | frames               | categories         | image   | depth            |
@@ -229,9 +229,8 @@ root/
 
     def options(self) -> Mapping[str, Any]:
         """Return the options that change what is read."""
-        camera = self.intrinsics
         return {
-            "intrinsics": camera and [camera.fx, camera.fy, camera.cx, camera.cy],
+            "intrinsics": intrinsics_option(self.intrinsics),
             "min_objects": self.min_objects,
             "min_object_pixels": self.min_object_pixels,
             "first_view": self.first_view,
@@ -308,9 +307,6 @@ root/
             scene / DESCRIPTION,
         )
 
-    def _not_found(self, missing: str) -> DatasetNotFoundError:
-        return DatasetNotFoundError(self.root, missing, self.layout, self.remedy)
-
     @cached_property
     def _lists(self) -> dict[str, Path]:
         """The list of each split that has one."""
@@ -329,8 +325,7 @@ root/
     @cached_property
     def _candidates(self) -> tuple[tuple[_View, ...], int]:
         """The frames of the split before near-empty ones are left out, and how many background views already are."""
-        if not self.root.is_dir():
-            raise self._not_found("the folder does not exist")
+        self._require_root()
         if self._lists and self.split not in self._lists:
             raise self._not_found(f"there is no list of split {self.split!r}, only of {', '.join(self._lists)}")
         views, background = self._views_of_list() if self._lists else self._views_of_folder()

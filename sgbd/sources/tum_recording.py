@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sgbd.frame import Frame, Intrinsics
-from sgbd.sources.camera import intrinsics_from
-from sgbd.sources.errors import DatasetNotFoundError, FrameReadError
-from sgbd.sources.image import read_depth, read_rgb
+from sgbd.sources.camera import intrinsics_from, intrinsics_option
+from sgbd.sources.dataset_folder import DatasetFolder
+from sgbd.sources.errors import FrameReadError
+from sgbd.sources.image import checked_depth_scale, read_depth, read_rgb
 from sgbd.sources.mosd import KINECT
 from sgbd.sources.notices import info_once
-from sgbd.sources.source import FrameSource
 from sgbd.sources.time_association import associate
 
 log = logging.getLogger(__name__)
@@ -37,7 +37,7 @@ class _Listed(NamedTuple):
     path: Path
 
 
-class TumRecording(FrameSource):
+class TumRecording(DatasetFolder):
     """A recording of the TUM RGB-D benchmark, or of a program that writes its layout.
 
     `rgb.txt` and `depth.txt` list `timestamp filename`, one image a line, with # before comments. The two cameras run
@@ -77,14 +77,12 @@ or associations.txt with timestamp filename timestamp filename instead of the tw
         depth_scale: float = TUM_DEPTH_SCALE,
         tolerance: float = TOLERANCE,
     ) -> None:
-        if not depth_scale > 0:
-            raise ValueError(f"depth_scale must be positive, in metres a unit; got {depth_scale}")
         if not tolerance >= 0:
             raise ValueError(f"the tolerance of time differences must be 0 or more, in seconds; got {tolerance}")
         self.split = "test"
         self.root = Path(root).expanduser()
         self.intrinsics = intrinsics_from(intrinsics)
-        self.depth_scale = depth_scale
+        self.depth_scale = checked_depth_scale(depth_scale)
         self.tolerance = tolerance
 
     @staticmethod
@@ -108,9 +106,8 @@ or associations.txt with timestamp filename timestamp filename instead of the tw
 
     def options(self) -> Mapping[str, Any]:
         """Return the options that change what is read."""
-        camera = self.intrinsics
         return {
-            "intrinsics": camera and [camera.fx, camera.fy, camera.cx, camera.cy],
+            "intrinsics": intrinsics_option(self.intrinsics),
             "depth_scale": self.depth_scale,
             "tolerance": self.tolerance,
         }
@@ -151,8 +148,7 @@ or associations.txt with timestamp filename timestamp filename instead of the tw
         return frames
 
     def _pairs(self) -> list[tuple[Path, Path]]:
-        if not self.root.is_dir():
-            raise self._not_found("the folder does not exist")
+        self._require_root()
         lists = [self.root / name for name in LISTS]
         associated = next((path for name in ASSOCIATIONS if (path := self.root / name).is_file()), None)
         if associated is not None and not all(path.is_file() for path in lists):
@@ -190,9 +186,6 @@ or associations.txt with timestamp filename timestamp filename instead of the tw
             (colors[color].path, depths[depth].path)
             for color, depth in zip(chosen.tolist(), partners.tolist(), strict=True)
         ]
-
-    def _not_found(self, missing: str) -> DatasetNotFoundError:
-        return DatasetNotFoundError(self.root, missing, self.layout, self.remedy)
 
 
 def _rows(path: Path, columns: int, form: str) -> list[list[str]]:

@@ -14,8 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from sgbd.frame import MILLIMETRES, Frame, Intrinsics
-from sgbd.sources.camera import intrinsics_from
+from sgbd.sources.camera import intrinsics_from, intrinsics_option
 from sgbd.sources.errors import FrameReadError, MissingExtraError
+from sgbd.sources.image import checked_depth_scale
 from sgbd.sources.notices import info_once
 from sgbd.sources.source import FrameSource
 from sgbd.sources.time_association import associate
@@ -63,13 +64,11 @@ class VideoPair(FrameSource):
         intrinsics: Intrinsics | Mapping[str, Any] | None = None,
         depth_scale: float = MILLIMETRES,
     ) -> None:
-        if not depth_scale > 0:
-            raise ValueError(f"depth_scale must be positive, in metres a unit; got {depth_scale}")
         self.split = "test"
         self.rgb = Path(rgb).expanduser()
         self.depth = Path(depth).expanduser()
         self.intrinsics = intrinsics_from(intrinsics)
-        self.depth_scale = depth_scale
+        self.depth_scale = checked_depth_scale(depth_scale)
         self._decoders: tuple[_Decoder, _Decoder] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -92,9 +91,8 @@ class VideoPair(FrameSource):
 
     def options(self) -> Mapping[str, Any]:
         """Return the options that change what is read."""
-        camera = self.intrinsics
         return {
-            "intrinsics": camera and [camera.fx, camera.fy, camera.cx, camera.cy],
+            "intrinsics": intrinsics_option(self.intrinsics),
             "depth_scale": self.depth_scale,
         }
 

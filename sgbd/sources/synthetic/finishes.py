@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sgbd.sources.synthetic import colours, prints
+from sgbd.sources.synthetic import colors, prints
 from sgbd.sources.synthetic.textures import Bands, Checks, Plain, Printed, Speckled, Stripes, Texture, Wood
 
 
@@ -13,23 +13,23 @@ def seed_of(rng: np.random.Generator) -> int:
     return int(rng.integers(1 << 20))
 
 
-def plastic(rng: np.random.Generator, colour: colours.Colour | None = None) -> Texture:
+def plastic(rng: np.random.Generator, color: colors.Color | None = None) -> Texture:
     """Smooth and slightly shiny, one colour."""
-    chosen = colours.any_colour(rng) if colour is None else colour
+    chosen = colors.any_color(rng) if color is None else color
     return Plain(chosen, grain=0.02, scale=0.01, seed=seed_of(rng), gloss=rng.uniform(0.15, 0.5))
 
 
-def metallic(rng: np.random.Generator, colour: colours.Colour | None = None) -> Texture:
+def metallic(rng: np.random.Generator, color: colors.Color | None = None) -> Texture:
     """Brushed metal: fine streaks, strong highlights."""
-    chosen = colours.metal(rng) if colour is None else colour
+    chosen = colors.metal(rng) if color is None else color
     pair = np.stack([chosen * np.float32(0.95), chosen * np.float32(1.03)])
     return Speckled(pair, (0.002, 0.03, 0.03), 0.0, seed_of(rng), gloss=rng.uniform(0.5, 0.9))
 
 
 def ceramic(rng: np.random.Generator) -> Texture:
     """Glazed: plain, dipped, striped or speckled."""
-    first = colours.any_colour(rng)
-    second = colours.contrasting(rng, first)
+    first = colors.any_color(rng)
+    second = colors.contrasting(rng, first)
     gloss = rng.uniform(0.3, 0.7)
     kind = rng.choice(5, p=(0.35, 0.2, 0.2, 0.1, 0.15))
     if kind == 0:
@@ -53,8 +53,8 @@ def ceramic(rng: np.random.Generator) -> Texture:
 
 def cloth(rng: np.random.Generator) -> Texture:
     """Fabric: plain, striped, checked, mottled or with a print."""
-    first = colours.any_colour(rng)
-    second = colours.contrasting(rng, first)
+    first = colors.any_color(rng)
+    second = colors.contrasting(rng, first)
     pair = np.stack([first, second])
     kind = rng.choice(5, p=(0.3, 0.2, 0.2, 0.1, 0.2))
     if kind == 0:
@@ -76,19 +76,19 @@ def casing(rng: np.random.Generator) -> Texture:
     kind = rng.choice(5, p=(0.35, 0.15, 0.2, 0.15, 0.15))
     if kind == 3:
         return metallic(rng)
-    pick = (colours.light, colours.grey, colours.dark, colours.metal, colours.vivid)[kind]
+    pick = (colors.light, colors.grey, colors.dark, colors.metal, colors.vivid)[kind]
     return Plain(pick(rng), 0.02, 0.05, seed_of(rng), gloss=rng.uniform(0.1, 0.5))
 
 
 def wooden(rng: np.random.Generator, along: int | None = None) -> Texture:
     """One piece of wood."""
     axis = int(rng.integers(3)) if along is None else along
-    return Wood(colours.wood(rng), axis, contrast=rng.uniform(0.3, 0.8), seed=seed_of(rng), gloss=rng.uniform(0, 0.3))
+    return Wood(colors.wood(rng), axis, contrast=rng.uniform(0.3, 0.8), seed=seed_of(rng), gloss=rng.uniform(0, 0.3))
 
 
 def glass_dark(rng: np.random.Generator) -> Texture:
     """Dark polished glass."""
-    return Plain(colours.dark(rng) * np.float32(0.7), 0.0, gloss=0.9)
+    return Plain(colors.dark(rng) * np.float32(0.7), 0.0, gloss=0.9)
 
 
 def wrapped(rng: np.random.Generator, low: float, high: float, base: Texture, repeats: int | None = None) -> Texture:

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from filelock import FileLock, Timeout
 from PIL import Image
 from tqdm import tqdm
 
 from sgbd.atomic_file import write_whole
+from sgbd.one_process_at_a_time import one_process_at_a_time
 from sgbd.processors import usable_processors
 from sgbd.sources.categories import TABLE_CATEGORY, TOD_CATEGORIES, TOD_SYNSETS
 from sgbd.sources.errors import MissingExtraError
@@ -62,17 +62,9 @@ def generate(root: Path, recipe: Recipe, workers: int | None = None, progress: b
         workers = len(usable_processors())
     try:
         root.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(root / ".lock")
-        try:
-            lock.acquire(timeout=0)
-        except Timeout:
-            log.warning("another process generates %s: waiting for it", root)
-            lock.acquire()
-        try:
+        with one_process_at_a_time(root / ".lock", log, f"generates {root}"):
             if not is_complete(root, recipe):
                 _generate_locked(root, recipe, workers, progress)
-        finally:
-            lock.release()
     except OSError as error:
         raise GenerationError(
             f"{root} cannot be written: {error.strerror or error}. Free space or choose another folder (root); "

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
-from sgbd.sources.synthetic.colours import Colour, any_colour, contrasting, dark, light, vivid
+from sgbd.sources.synthetic.colors import Color, any_color, contrasting, dark, light, vivid
 
 Picture = npt.NDArray[np.float32]
 
@@ -44,7 +44,7 @@ def label(rng: np.random.Generator, width: int = 256, height: int = 128, repeats
         height: Pixels down.
         repeats: How often the same motif stands side by side.
     """
-    ground = any_colour(rng)
+    ground = any_color(rng)
     image = Image.new("RGB", (width, height), _rgb(ground))
     draw = ImageDraw.Draw(image)
     for _ in range(rng.integers(1, 4)):
@@ -73,7 +73,7 @@ def screen(rng: np.random.Generator, width: int = 192, height: int = 120) -> Pic
     """Return what a screen shows: a picture with windows on it, or nothing."""
     if rng.random() < 0.35:
         return np.tile(dark(rng) * np.float32(0.6), (height, width, 1)).astype(np.float32)
-    top, bottom = any_colour(rng), any_colour(rng)
+    top, bottom = any_color(rng), any_color(rng)
     fade = np.linspace(0, 1, height, dtype=np.float32)[:, None, None]
     ground = np.broadcast_to(top * (1 - fade) + bottom * fade, (height, width, 3))
     image = Image.fromarray((ground * 255).astype(np.uint8))
@@ -83,7 +83,7 @@ def screen(rng: np.random.Generator, width: int = 192, height: int = 120) -> Pic
         w, h = rng.uniform(0.25, 0.6) * width, rng.uniform(0.25, 0.6) * height
         paper = light(rng) if rng.random() < 0.7 else dark(rng)
         draw.rectangle((x, y, x + w, y + h), fill=_rgb(paper))
-        draw.rectangle((x, y, x + w, y + 0.07 * height), fill=_rgb(any_colour(rng)))
+        draw.rectangle((x, y, x + w, y + 0.07 * height), fill=_rgb(any_color(rng)))
         _small_print(rng, draw, x + 4, y + 0.12 * height, w - 8, int(h / (1.8 * _LINE_HEIGHT)), contrasting(rng, paper))
     draw.rectangle((0, 0.94 * height, width, height), fill=_rgb(dark(rng)))
     return _floats(image)
@@ -91,7 +91,7 @@ def screen(rng: np.random.Generator, width: int = 192, height: int = 120) -> Pic
 
 def dial(rng: np.random.Generator, size: int = 160) -> Picture:
     """Return the face of a clock: hour marks or numbers on a plain ground."""
-    ground = light(rng) if rng.random() < 0.65 else any_colour(rng)
+    ground = light(rng) if rng.random() < 0.65 else any_color(rng)
     ink = contrasting(rng, ground, 0.5)
     image = Image.new("RGB", (size, size), _rgb(ground))
     draw = ImageDraw.Draw(image)
@@ -114,7 +114,7 @@ def dial(rng: np.random.Generator, size: int = 160) -> Picture:
     return _floats(image)
 
 
-def keypad(rng: np.random.Generator, columns: int, rows: int, ground: Colour, cell: int = 20) -> Picture:
+def keypad(rng: np.random.Generator, columns: int, rows: int, ground: Color, cell: int = 20) -> Picture:
     """Return a field of keys."""
     key = contrasting(rng, ground, 0.3)
     ink = contrasting(rng, key, 0.4)
@@ -134,7 +134,7 @@ def keypad(rng: np.random.Generator, columns: int, rows: int, ground: Colour, ce
     return _floats(image)
 
 
-def grille(rng: np.random.Generator, ground: Colour, columns: int = 24, rows: int = 24, cell: int = 6) -> Picture:
+def grille(rng: np.random.Generator, ground: Color, columns: int = 24, rows: int = 24, cell: int = 6) -> Picture:
     """Return a field of round holes in a plate."""
     image = Image.new("RGB", (columns * cell, rows * cell), _rgb(ground))
     draw = ImageDraw.Draw(image)
@@ -148,7 +148,7 @@ def grille(rng: np.random.Generator, ground: Colour, columns: int = 24, rows: in
 
 def pattern(rng: np.random.Generator, width: int = 192, height: int = 192) -> Picture:
     """Return scattered discs, stars or flowers on a plain ground: cloth, china, wrapping paper."""
-    ground = any_colour(rng)
+    ground = any_color(rng)
     inks = [contrasting(rng, ground) for _ in range(rng.integers(1, 4))]
     image = Image.new("RGB", (width, height), _rgb(ground))
     draw = ImageDraw.Draw(image)
@@ -174,23 +174,23 @@ def word(rng: np.random.Generator) -> str:
     return "".join(rng.choice(_SYLLABLES, size=rng.integers(2, 4))).capitalize()
 
 
-def _field(rng: np.random.Generator, draw: ImageDraw.ImageDraw, width: int, height: int, ground: Colour) -> None:
-    colour = _rgb(contrasting(rng, ground, 0.25))
+def _field(rng: np.random.Generator, draw: ImageDraw.ImageDraw, width: int, height: int, ground: Color) -> None:
+    color = _rgb(contrasting(rng, ground, 0.25))
     x, y = rng.uniform(-0.1, 0.8) * width, rng.uniform(-0.1, 0.8) * height
     w, h = rng.uniform(0.2, 0.7) * width, rng.uniform(0.2, 0.6) * height
     kind = rng.integers(4)
     if kind == 0:
-        draw.rectangle((0, y, width, y + 0.5 * h), fill=colour)
+        draw.rectangle((0, y, width, y + 0.5 * h), fill=color)
     elif kind == 1:
-        draw.ellipse((x, y, x + w, y + h), fill=colour)
+        draw.ellipse((x, y, x + w, y + h), fill=color)
     elif kind == 2:
-        draw.polygon([(x, y + h), (x + w / 2, y), (x + w, y + h)], fill=colour)
+        draw.polygon([(x, y + h), (x + w / 2, y), (x + w, y + h)], fill=color)
     else:
-        draw.rectangle((x, y, x + w, y + h), fill=colour)
+        draw.rectangle((x, y, x + w, y + h), fill=color)
 
 
 def _small_print(
-    rng: np.random.Generator, draw: ImageDraw.ImageDraw, x: float, y: float, width: float, lines: int, ink: Colour
+    rng: np.random.Generator, draw: ImageDraw.ImageDraw, x: float, y: float, width: float, lines: int, ink: Color
 ) -> None:
     for k in range(lines):
         length = width * rng.uniform(0.5, 1.0)
@@ -214,8 +214,8 @@ def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     return ImageFont.load_default(size)
 
 
-def _rgb(colour: Colour) -> tuple[int, int, int]:
-    r, g, b = (np.clip(colour, 0, 1) * 255).astype(int)
+def _rgb(color: Color) -> tuple[int, int, int]:
+    r, g, b = (np.clip(color, 0, 1) * 255).astype(int)
     return int(r), int(g), int(b)
 
 

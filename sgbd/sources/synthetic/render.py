@@ -37,13 +37,13 @@ class Light:
     Attributes:
         position: float64 [3], metres.
         radius: Metres; the larger, the softer the shadows.
-        colour: float32 [3], irradiance on a surface that faces it from `reach` metres.
+        color: float32 [3], irradiance on a surface that faces it from `reach` metres.
         reach: Metres.
     """
 
     position: npt.NDArray[np.float64]
     radius: float
-    colour: Floats
+    color: Floats
     reach: float
 
 
@@ -98,13 +98,13 @@ class Rendering:
     """What a camera sees.
 
     Attributes:
-        colour: float32 [H, W, 3], linear light, any exposure.
+        color: float32 [H, W, 3], linear light, any exposure.
         depth: float32 [H, W], metres along the optical axis; 0 where nothing is hit.
         label: int32 [H, W], instance ids.
         facing: float32 [H, W], cosine between the surface's normal and the ray back to the camera.
     """
 
-    colour: Floats
+    color: Floats
     depth: Floats
     label: npt.NDArray[np.int32]
     facing: Floats
@@ -167,7 +167,7 @@ class Scene:
             eye, rays, hit["tfar"], hit["primID"], hit["u"], hit["v"], hit["Ng"], self.normals, self.owner, LIFT,
             part, depth, points, starts, normals, facing,
         )  # fmt: skip
-        colours, gloss = self._surface(points, normals, part)
+        colors, gloss = self._surface(points, normals, part)
 
         sampled = np.empty((height, width, len(lights) + 1), dtype=np.float32)
         secondary = np.empty_like(starts)
@@ -178,27 +178,27 @@ class Scene:
         sampled[..., -1] = self._unblocked(starts, secondary, SURROUNDINGS).reshape(height, width)
         image = part.reshape(height, width), depth.reshape(height, width), normals.reshape(height, width, 3)
         visible, halfway = np.empty_like(sampled), np.empty_like(sampled)
-        shading.smooth_along_rows(sampled, *image, TILE - 1, halfway)
-        shading.smooth_along_columns(halfway, *image, TILE - 1, visible)
+        shading.smooth_along(0, 1, sampled, *image, TILE - 1, halfway)
+        shading.smooth_along(1, 0, halfway, *image, TILE - 1, visible)
 
-        colour = np.empty_like(points)
+        color = np.empty_like(points)
         shading.reflected_light(
             eye,
             points,
             normals,
-            colours,
+            colors,
             gloss,
             visible.reshape(count, -1),
             np.stack([light.position for light in lights]).astype(np.float32),
-            np.stack([light.colour for light in lights]).astype(np.float32),
+            np.stack([light.color for light in lights]).astype(np.float32),
             np.array([light.reach for light in lights], dtype=np.float32),
             ambient.astype(np.float32),
-            colour,
+            color,
         )
-        colour[part < 0] = 0
+        color[part < 0] = 0
         labels = np.where(part >= 0, self.labels[part], 0).astype(np.int32)
         return Rendering(
-            colour.reshape(height, width, 3),
+            color.reshape(height, width, 3),
             depth.reshape(height, width),
             labels.reshape(height, width),
             facing.reshape(height, width),
@@ -220,14 +220,14 @@ class Scene:
         """Return colour [n, 3], gamma encoded, and gloss [n]: each visible part's texture is asked once."""
         order = np.argsort(part.astype(np.int16), kind="stable")  # 16 bits are sorted by radix
         bounds = np.searchsorted(part[order], np.arange(len(self.items) + 1))
-        own_points, own_normals, sorted_colours = (np.zeros_like(points) for _ in range(3))
+        own_points, own_normals, sorted_colors = (np.zeros_like(points) for _ in range(3))
         shading.to_own_frames(order, part, points, normals, self._turns, self._shifts, own_points, own_normals)
         for index in np.flatnonzero(np.diff(bounds)):
             pixels = slice(bounds[index], bounds[index + 1])
-            sorted_colours[pixels] = self.items[index].part.texture(own_points[pixels], own_normals[pixels])
-        colours = np.empty_like(points)
-        colours[order] = sorted_colours
-        return colours, np.where(part >= 0, self._gloss[part], np.float32(0))
+            sorted_colors[pixels] = self.items[index].part.texture(own_points[pixels], own_normals[pixels])
+        colors = np.empty_like(points)
+        colors[order] = sorted_colors
+        return colors, np.where(part >= 0, self._gloss[part], np.float32(0))
 
 
 def _corner_normals(triangles: npt.NDArray[np.float64], faces: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from sgbd.sources.synthetic import colours, finishes, prints
+from sgbd.sources.synthetic import colors, finishes, prints
 from sgbd.sources.synthetic.meshes import (
     box,
     cylinder,
@@ -98,10 +98,10 @@ def _shell(low: Floats, high: Floats, height: float, rng: np.random.Generator) -
     parts = [
         Part("floor", box((*(size + 0.2), thick), (*middle, -thick / 2)), _floor_texture(rng)),
         Part(
-            "ceiling", box((*(size + 0.2), thick), (*middle, height + thick / 2)), Plain(colours.light(rng), 0.02, 0.1)
+            "ceiling", box((*(size + 0.2), thick), (*middle, height + thick / 2)), Plain(colors.light(rng), 0.02, 0.1)
         ),
     ]
-    skirting = finishes.wooden(rng, 0) if rng.random() < 0.5 else Plain(colours.light(rng))
+    skirting = finishes.wooden(rng, 0) if rng.random() < 0.5 else Plain(colors.light(rng))
     for axis in (0, 1):
         for side, edge in ((-1, low[axis]), (1, high[axis])):
             lengths = np.array([size[0] + 0.2, size[1] + 0.2, height])
@@ -117,22 +117,22 @@ def _shell(low: Floats, high: Floats, height: float, rng: np.random.Generator) -
 def _wall_texture(rng: np.random.Generator) -> Texture:
     kind = rng.choice(5, p=(0.5, 0.12, 0.14, 0.12, 0.12))
     seed = finishes.seed_of(rng)
-    colour = colours.light(rng) if rng.random() < 0.5 else np.clip(0.5 * colours.muted(rng) + np.float32(0.42), 0, 1)
+    color = colors.light(rng) if rng.random() < 0.5 else np.clip(0.5 * colors.muted(rng) + np.float32(0.42), 0, 1)
     if kind == 0:
-        return Plain(colour, 0.04, 0.3, seed, gloss=0.02)
+        return Plain(color, 0.04, 0.3, seed, gloss=0.02)
     if kind == 1:
-        pair = np.stack([colour, colour * np.float32(rng.uniform(0.8, 0.93))])
+        pair = np.stack([color, color * np.float32(rng.uniform(0.8, 0.93))])
         direction = np.array([0.7071, 0.7071, 0], dtype=np.float32)
         return Stripes(pair, direction, rng.uniform(0.08, 0.3), gloss=0.0)
     if kind == 2:
-        brick = np.clip(colours.rgb(0.62, 0.36, 0.28) + rng.normal(0, 0.06, 3), 0, 1).astype(np.float32)
+        brick = np.clip(colors.rgb(0.62, 0.36, 0.28) + rng.normal(0, 0.06, 3), 0, 1).astype(np.float32)
         if rng.random() < 0.4:
-            brick = colour
-        return Tiles(brick, colours.grey(rng), (0.24, 0.075), 0.012, 0.5, 0.3, seed, gloss=0.0)
+            brick = color
+        return Tiles(brick, colors.grey(rng), (0.24, 0.075), 0.012, 0.5, 0.3, seed, gloss=0.0)
     if kind == 3:
         side = rng.uniform(0.12, 0.3)
-        return Tiles(colour, colours.grey(rng), (side, side), 0.006, 0.0, 0.06, seed, gloss=0.4)
-    return Speckled(np.stack([colour, colour * np.float32(0.86)]), (0.12, 0.12, 0.12), 0.2, seed, gloss=0.0)
+        return Tiles(color, colors.grey(rng), (side, side), 0.006, 0.0, 0.06, seed, gloss=0.4)
+    return Speckled(np.stack([color, color * np.float32(0.86)]), (0.12, 0.12, 0.12), 0.2, seed, gloss=0.0)
 
 
 def _floor_texture(rng: np.random.Generator) -> Texture:
@@ -140,7 +140,7 @@ def _floor_texture(rng: np.random.Generator) -> Texture:
     seed = finishes.seed_of(rng)
     if kind == 0:
         return Wood(
-            colours.wood(rng),
+            colors.wood(rng),
             int(rng.integers(2)),
             rng.uniform(0.07, 0.16),
             rng.uniform(0.6, 1.6),
@@ -150,12 +150,12 @@ def _floor_texture(rng: np.random.Generator) -> Texture:
         )
     if kind == 1:
         side = rng.uniform(0.2, 0.5)
-        return Tiles(colours.muted(rng), colours.grey(rng), (side, side), 0.006, 0.0, 0.12, seed, gloss=0.35)
+        return Tiles(colors.muted(rng), colors.grey(rng), (side, side), 0.006, 0.0, 0.12, seed, gloss=0.35)
     if kind == 2:
-        colour = colours.muted(rng)
-        return Speckled(np.stack([colour, colour * np.float32(0.75)]), (0.008, 0.008, 0.008), 0.4, seed, gloss=0.0)
-    colour = colours.grey(rng)
-    return Speckled(np.stack([colour, colour * np.float32(0.85)]), (0.25, 0.25, 0.25), 0.1, seed, gloss=0.1)
+        color = colors.muted(rng)
+        return Speckled(np.stack([color, color * np.float32(0.75)]), (0.008, 0.008, 0.008), 0.4, seed, gloss=0.0)
+    color = colors.grey(rng)
+    return Speckled(np.stack([color, color * np.float32(0.85)]), (0.25, 0.25, 0.25), 0.1, seed, gloss=0.1)
 
 
 def _along_wall(
@@ -281,7 +281,7 @@ def _cupboard(rng: np.random.Generator) -> Furniture:
 
 def _shelf(rng: np.random.Generator) -> Furniture:
     width, depth, height = rng.uniform(0.6, 1.2), rng.uniform(0.25, 0.35), rng.uniform(1.0, 2.1)
-    wood = finishes.wooden(rng, 2) if rng.random() < 0.7 else finishes.plastic(rng, colours.light(rng))
+    wood = finishes.wooden(rng, 2) if rng.random() < 0.7 else finishes.plastic(rng, colors.light(rng))
     levels = max(2, round(height / rng.uniform(0.32, 0.45)))
     boards = [box((0.025, depth, height), (s * width / 2, 0, height / 2)) for s in (-1, 1)]
     boards.append(box((width, 0.015, height), (0, depth / 2 - 0.008, height / 2)))
@@ -296,7 +296,7 @@ def _shelf(rng: np.random.Generator) -> Furniture:
 
 def _books(width: float, depth: float, z: float, room: float, rng: np.random.Generator) -> list[Part]:
     """Return books in a few colours, each colour one part."""
-    palette = [Plain(colours.any_colour(rng), 0.05, 0.02, gloss=0.1) for _ in range(4)]
+    palette = [Plain(colors.any_color(rng), 0.05, 0.02, gloss=0.1) for _ in range(4)]
     piles: list[list] = [[] for _ in palette]
     at = -width / 2 + rng.uniform(0, 0.3) * width
     end = width / 2 - rng.uniform(0, 0.4) * width
@@ -328,7 +328,7 @@ def _sofa(rng: np.random.Generator) -> Furniture:
 
 def _door(rng: np.random.Generator) -> Furniture:
     width, height = rng.uniform(0.8, 0.95), rng.uniform(2.0, 2.15)
-    leaf = finishes.wooden(rng, 2) if rng.random() < 0.5 else Plain(colours.light(rng), gloss=0.2)
+    leaf = finishes.wooden(rng, 2) if rng.random() < 0.5 else Plain(colors.light(rng), gloss=0.2)
     frame = [box((0.08, 0.06, height), (s * width / 2, 0, height / 2)) for s in (-1, 1)]
     frame.append(box((width + 0.08, 0.06, 0.08), (0, 0, height)))
     panels = [box((0.6 * width, 0.012, 0.35 * height), (0, -0.022, z * height), 0.004) for z in (0.27, 0.72)]
@@ -363,7 +363,7 @@ def _plant(rng: np.random.Generator) -> Furniture:
         long = rng.uniform(0.2, 0.5)
         leaf = ellipsoid((0.05, 0.012, long / 2), (0, 0, long / 2), 1)
         leaves.append(moved(leaf, turn, (0, 0, tall + rng.uniform(-0.05, 0.4))))
-    green = colours.rgb(rng.uniform(0.15, 0.35), rng.uniform(0.38, 0.55), rng.uniform(0.12, 0.28))
+    green = colors.rgb(rng.uniform(0.15, 0.35), rng.uniform(0.38, 0.55), rng.uniform(0.12, 0.28))
     stem = tube(np.array([[0, 0, tall - 0.05], [0.01, 0, tall + 0.2], [0, 0.01, tall + 0.45]]), 0.012, 6)
     parts = (
         Part("pot", pot, finishes.ceramic(rng)),
@@ -397,7 +397,7 @@ def _lamp(rng: np.random.Generator) -> Furniture:
     parts = (
         Part("foot", lathe([(0, 0), (0.15, 0), (0.14, 0.02), (0, 0.03)], 28), metal),
         Part("pole", cylinder(0.012, height - 0.1, (0, 0, (height - 0.1) / 2), sections=10), metal),
-        Part("shade", shade, Plain(colours.light(rng), 0.05)),
+        Part("shade", shade, Plain(colors.light(rng), 0.05)),
     )
     return Furniture(parts, 2 * radius, 2 * radius)
 
@@ -415,7 +415,7 @@ def _floor_thing(rng: np.random.Generator) -> Furniture:
     width, depth, z = rng.uniform(0.3, 0.5), rng.uniform(0.25, 0.4), 0.0
     for _ in range(rng.integers(1, 4)):
         tall = rng.uniform(0.15, 0.35)
-        cardboard = np.clip(colours.rgb(0.66, 0.52, 0.37) + rng.normal(0, 0.03, 3), 0, 1).astype(np.float32)
+        cardboard = np.clip(colors.rgb(0.66, 0.52, 0.37) + rng.normal(0, 0.03, 3), 0, 1).astype(np.float32)
         look: Texture = Plain(cardboard, 0.08, 0.02)
         if rng.random() < 0.5:
             look = Printed(
@@ -463,7 +463,7 @@ def _on_wall(rng: np.random.Generator) -> list[Part]:
         width, height = rng.uniform(0.25, 0.8), rng.uniform(0.25, 0.6)
         image = prints.label(rng, 160, 128) if rng.random() < 0.5 else prints.screen(rng)
         canvas = Printed(
-            image, Plain(colours.light(rng)), "-y", (-width / 2, -height / 2), (width / 2, height / 2), gloss=0.1
+            image, Plain(colors.light(rng)), "-y", (-width / 2, -height / 2), (width / 2, height / 2), gloss=0.1
         )
         return [
             Part("frame", box((width + 0.05, 0.02, height + 0.05), (0, -0.01, 0), 0.004), finishes.wooden(rng)),
@@ -480,14 +480,12 @@ def _on_wall(rng: np.random.Generator) -> list[Part]:
             ],
         ]
     if kind == 2:
-        return [
-            Part("socket", box((0.09, 0.012, 0.09), (0, -0.006, -0.4), 0.003), Plain(colours.light(rng), gloss=0.3))
-        ]
+        return [Part("socket", box((0.09, 0.012, 0.09), (0, -0.006, -0.4), 0.003), Plain(colors.light(rng), gloss=0.3))]
     return [
         Part("rim", ring(0.13, 0.15, 0.04, (0, -0.02, 0), "y"), finishes.plastic(rng)),
         Part(
             "dial",
             cylinder(0.14, 0.02, (0, -0.01, 0), "y"),
-            Printed(prints.dial(rng), Plain(colours.light(rng)), "-y", (-0.13, -0.13), (0.13, 0.13)),
+            Printed(prints.dial(rng), Plain(colors.light(rng)), "-y", (-0.13, -0.13), (0.13, 0.13)),
         ),
     ]

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sgbd.frame import SUPPORT, Intrinsics
-from sgbd.sources.synthetic import colours, sensor
+from sgbd.sources.synthetic import colors, sensor
 from sgbd.sources.synthetic.physics import Pose, UnstableSimulationError, settle
 from sgbd.sources.synthetic.render import Camera, Light, Rendering, Scene
 from sgbd.sources.synthetic.room import Placed, Room, random_room
@@ -199,8 +199,8 @@ def _lighting(room: Room, table: Table, rng: np.random.Generator) -> tuple[list[
             place = np.array([*rng.uniform(room.low + 0.2, room.high - 0.2), rng.uniform(1.6, 2.2)])
             place[rng.integers(2)] *= 0.9
         warmth = rng.normal(0, 0.08)
-        colour = colours.rgb(1 + warmth, 1, 1 - warmth) * np.float32(share)
-        lights.append(Light(place, rng.uniform(0.05, 0.45), colour, float(np.linalg.norm(place - top))))
+        color = colors.rgb(1 + warmth, 1, 1 - warmth) * np.float32(share)
+        lights.append(Light(place, rng.uniform(0.05, 0.45), color, float(np.linalg.norm(place - top))))
     fill = rng.uniform(0.35, 0.8)
     ambient = np.stack([np.full(3, 0.55 * fill), np.full(3, fill)]) * (1 + rng.normal(0, 0.03, 3))
     return lights, ambient.astype(np.float32)
@@ -260,8 +260,8 @@ def _camera(
 def _recorded(rendering: Rendering, camera: Camera, look: _Look, sensor_name: str, rng: np.random.Generator) -> View:
     # Exposed for what lies on the table, as a camera that looks at it would be.
     weight = np.where(rendering.label >= SUPPORT, np.float32(1), np.float32(0.25))
-    colour = sensor.exposed(rendering.colour, weight, look.middle)
-    rgb = sensor.photographed(colour, look.blur, look.noise, look.tint, rng)
+    color = sensor.exposed(rendering.color, weight, look.middle)
+    rgb = sensor.photographed(color, look.blur, look.noise, look.tint, rng)
     depth = rendering.depth
     if sensor_name == "kinect":
         depth = sensor.StructuredLight().measure(depth, rendering.facing, camera.intrinsics.fx, rng)

@@ -118,11 +118,11 @@ def depth_edges(depth: Floats, share: float = 0.03) -> Bools:
     return high - low > share * np.maximum(high, 1e-6)
 
 
-def exposed(colour: Floats, weight: Floats, middle: float) -> Floats:
+def exposed(color: Floats, weight: Floats, middle: float) -> Floats:
     """Scale light so that the middle brightness of the weighted pixels is `middle`, with highlights rolled off.
 
     Args:
-        colour: float32 [H, W, 3], linear light.
+        color: float32 [H, W, 3], linear light.
         weight: float32 [H, W], how much a pixel counts.
         middle: Linear brightness, 0 to 1, that the weighted mean of the logarithms gets, or less where more than a
             twentieth of the weight would lie above 1.
@@ -131,14 +131,14 @@ def exposed(colour: Floats, weight: Floats, middle: float) -> Floats:
         float32 [H, W, 3], gamma encoded (exponent 2), 0 to 1.
     """
     # A fifteenth of the pixels is plenty for a mean.
-    sample, counts = colour[::4, ::4], weight[::4, ::4].ravel()
+    sample, counts = color[::4, ::4], weight[::4, ::4].ravel()
     luminance = (sample @ np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)).ravel()
     mean = np.exp(np.average(np.log(luminance + np.float32(1e-4)), weights=counts + np.float32(1e-6)))
     order = np.argsort(luminance)
     share = np.cumsum(counts[order])
     bright = luminance[order][np.searchsorted(share, 0.95 * share[-1])]
     gain = min(middle / max(float(mean), 1e-5), 1 / max(float(bright), 1e-5))
-    scaled = colour * np.float32(gain)
+    scaled = color * np.float32(gain)
     # Linear up to the knee, then towards 1 without reaching it.
     knee = np.float32(0.6)
     over = np.maximum(scaled - knee, 0)
@@ -148,18 +148,18 @@ def exposed(colour: Floats, weight: Floats, middle: float) -> Floats:
 
 
 def photographed(
-    colour: Floats, blur: float, noise: float, tint: Floats, rng: np.random.Generator
+    color: Floats, blur: float, noise: float, tint: Floats, rng: np.random.Generator
 ) -> npt.NDArray[np.uint8]:
     """Return the 8-bit image of a camera.
 
     Args:
-        colour: float32 [H, W, 3], gamma encoded, 0 to 1.
+        color: float32 [H, W, 3], gamma encoded, 0 to 1.
         blur: Standard deviation of the lens's blur, pixels.
         noise: Standard deviation of the sensor's noise, grey levels of 255.
         tint: float32 [3], white balance error, near 1.
         rng: Source of randomness.
     """
-    soft = gaussian_filter(colour, (blur, blur, 0)) * tint
+    soft = gaussian_filter(color, (blur, blur, 0)) * tint
     levels = soft * 255
     if noise > 0:
         levels += rng.standard_normal(levels.shape, dtype=np.float32) * np.float32(noise)

@@ -140,10 +140,21 @@ def rays_about_normals(normals: Floats, samples: Floats, width: int, tile: int, 
 
 
 @compiled
-def smooth_along_rows(values: Floats, part: Integers, depth: Floats, normals: Floats, radius: int, out: Floats) -> None:
-    """Average noisy light over neighbours in the row that lie on the same smooth surface.
+def smooth_along(
+    down: int,
+    right: int,
+    values: Floats,
+    part: Integers,
+    depth: Floats,
+    normals: Floats,
+    radius: int,
+    out: Floats,
+) -> None:
+    """Average noisy light over neighbours along one axis that lie on the same smooth surface.
 
     Args:
+        down: 1 for neighbours in the same column, else 0.
+        right: 1 for neighbours in the same row, else 0.
         values: float32 [H, W, C].
         part: int32 [H, W], which part each pixel shows; -1 nothing.
         depth: float32 [H, W], metres.
@@ -159,39 +170,16 @@ def smooth_along_rows(values: Floats, part: Integers, depth: Floats, normals: Fl
             weight = np.float32(0)
             for c in range(channels):
                 out[i, j, c] = 0
-            for x in range(max(0, j - radius), min(width, j + radius + 1)):
-                if part[i, x] != here or abs(depth[i, x] - z) > np.float32(0.03) * z:
+            before, after = i * down + j * right, (height - 1 - i) * down + (width - 1 - j) * right
+            for step in range(-min(radius, before), min(radius, after) + 1):
+                y, x = i + step * down, j + step * right
+                if part[y, x] != here or abs(depth[y, x] - z) > np.float32(0.03) * z:
                     continue
-                if nx * normals[i, x, 0] + ny * normals[i, x, 1] + nz * normals[i, x, 2] < np.float32(0.8):
-                    continue
-                weight += 1
-                for c in range(channels):
-                    out[i, j, c] += values[i, x, c]
-            for c in range(channels):
-                out[i, j, c] /= weight
-
-
-@compiled
-def smooth_along_columns(
-    values: Floats, part: Integers, depth: Floats, normals: Floats, radius: int, out: Floats
-) -> None:
-    """Do as `smooth_along_rows`, along the columns."""
-    height, width, channels = values.shape
-    for i in range(height):
-        for j in range(width):
-            here, z = part[i, j], depth[i, j]
-            nx, ny, nz = normals[i, j, 0], normals[i, j, 1], normals[i, j, 2]
-            weight = np.float32(0)
-            for c in range(channels):
-                out[i, j, c] = 0
-            for y in range(max(0, i - radius), min(height, i + radius + 1)):
-                if part[y, j] != here or abs(depth[y, j] - z) > np.float32(0.03) * z:
-                    continue
-                if nx * normals[y, j, 0] + ny * normals[y, j, 1] + nz * normals[y, j, 2] < np.float32(0.8):
+                if nx * normals[y, x, 0] + ny * normals[y, x, 1] + nz * normals[y, x, 2] < np.float32(0.8):
                     continue
                 weight += 1
                 for c in range(channels):
-                    out[i, j, c] += values[y, j, c]
+                    out[i, j, c] += values[y, x, c]
             for c in range(channels):
                 out[i, j, c] /= weight
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from sgbd.sources.synthetic import colours, finishes
+from sgbd.sources.synthetic import colors, finishes
 from sgbd.sources.synthetic.meshes import box, cylinder, lathe, moved
 from sgbd.sources.synthetic.shapes.part import Part
 from sgbd.sources.synthetic.textures import Checks, Plain, Speckled, Texture, Wood
@@ -45,7 +45,7 @@ def random_table(rng: np.random.Generator) -> Table:
     height = rng.uniform(0.55, 0.85)
     thick = rng.uniform(0.02, 0.05)
     top_texture = _top_texture(rng)
-    leg_texture = finishes.wooden(rng, 2) if rng.random() < 0.5 else finishes.plastic(rng, colours.grey(rng))
+    leg_texture = finishes.wooden(rng, 2) if rng.random() < 0.5 else finishes.plastic(rng, colors.grey(rng))
     if is_round:
         diameter = rng.uniform(1.1, 1.6)
         size = (diameter, diameter)
@@ -88,19 +88,19 @@ def _top_texture(rng: np.random.Generator) -> Texture:
     seed = finishes.seed_of(rng)
     if kind == 0:
         board = 0.0 if rng.random() < 0.5 else rng.uniform(0.08, 0.2)
-        return Wood(colours.wood(rng), 0, board, 2.5, rng.uniform(0.2, 0.6), seed, gloss=rng.uniform(0.05, 0.35))
+        return Wood(colors.wood(rng), 0, board, 2.5, rng.uniform(0.2, 0.6), seed, gloss=rng.uniform(0.05, 0.35))
     if kind == 1:
-        light, dark = colours.light(rng), colours.muted(rng)
+        light, dark = colors.light(rng), colors.muted(rng)
         size = rng.uniform(0.02, 0.06)
         return Speckled(
             np.stack([light, 0.6 * light + 0.4 * dark]), (size, size, size), rng.uniform(0, 0.4), seed, gloss=0.4
         )
     if kind == 2:
-        plain = colours.light(rng) if rng.random() < 0.5 else colours.muted(rng)
+        plain = colors.light(rng) if rng.random() < 0.5 else colors.muted(rng)
         return Plain(plain, 0.03, 0.01, seed, gloss=rng.uniform(0.05, 0.3))
     if kind == 3:
-        pair = np.stack([colours.light(rng), colours.any_colour(rng)])
+        pair = np.stack([colors.light(rng), colors.any_color(rng)])
         return Checks(pair, rng.uniform(0.02, 0.06), True, gloss=0.0)
-    grey = colours.grey(rng)
+    grey = colors.grey(rng)
     size = rng.uniform(0.004, 0.012)
     return Speckled(np.stack([grey, np.clip(grey * np.float32(1.35), 0, 1)]), (size, size, size), 0.7, seed, gloss=0.3)

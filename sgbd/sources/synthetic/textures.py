@@ -15,7 +15,7 @@ import numpy.typing as npt
 from sgbd.sources.synthetic.noise import cell_values, fractal_noise
 
 Floats = npt.NDArray[np.float32]
-Colour = npt.NDArray[np.float32]
+Color = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,13 +57,13 @@ class Plain(Texture):
     """One colour with a little grain.
 
     Attributes:
-        colour: float32 [3].
+        color: float32 [3].
         grain: Strength of the grain, a share of the colour.
         scale: Size of the grain, metres.
         seed: Which grain.
     """
 
-    colour: Colour
+    color: Color
     grain: float = 0.05
     scale: float = 0.02
     seed: int = 0
@@ -71,9 +71,9 @@ class Plain(Texture):
     def __call__(self, points: Floats, normals: Floats) -> Floats:
         """Return the colour of surface points."""
         if self.grain == 0:
-            return np.broadcast_to(self.colour, points.shape).astype(np.float32)
+            return np.broadcast_to(self.color, points.shape).astype(np.float32)
         noise = fractal_noise((points / self.scale).astype(np.float32), 2, self.seed)
-        return self.colour * (1 + np.float32(2 * self.grain) * (noise[:, None] - np.float32(0.5)))
+        return self.color * (1 + np.float32(2 * self.grain) * (noise[:, None] - np.float32(0.5)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,13 +81,13 @@ class Speckled(Texture):
     """Two colours mixed by noise: stone, cloth, camouflage.
 
     Attributes:
-        colours: float32 [2, 3].
+        colors: float32 [2, 3].
         scale: Size of the speckles along x, y, z, metres.
         contrast: 0 smooth to 1 sharp borders.
         seed: Which noise.
     """
 
-    colours: Floats
+    colors: Floats
     scale: tuple[float, float, float]
     contrast: float = 0.5
     seed: int = 0
@@ -97,7 +97,7 @@ class Speckled(Texture):
         noise = fractal_noise((points / np.asarray(self.scale)).astype(np.float32), 4, self.seed)
         steepness = np.float32(2 + 14 * self.contrast)
         mix = np.clip((noise - np.float32(0.5)) * steepness + np.float32(0.5), 0, 1)[:, None]
-        return self.colours[0] * (1 - mix) + self.colours[1] * mix
+        return self.colors[0] * (1 - mix) + self.colors[1] * mix
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,13 +105,13 @@ class Stripes(Texture):
     """Parallel bands of colours.
 
     Attributes:
-        colours: float32 [k, 3], repeated.
+        colors: float32 [k, 3], repeated.
         direction: float32 [3], unit vector across the bands; None for bands around the z axis's angle.
         period: Width of all k bands together: metres, or radians around the axis.
         phase: Where the first begins, in periods.
     """
 
-    colours: Floats
+    colors: Floats
     direction: Floats | None
     period: float
     phase: float = 0.0
@@ -123,7 +123,7 @@ class Stripes(Texture):
         else:
             along = points @ self.direction.astype(np.float32)
         place = (along / np.float32(self.period) + np.float32(self.phase)) % 1
-        return self.colours[np.minimum((place * len(self.colours)).astype(np.int64), len(self.colours) - 1)]
+        return self.colors[np.minimum((place * len(self.colors)).astype(np.int64), len(self.colors) - 1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,12 +131,12 @@ class Checks(Texture):
     """A chequered pattern, or the crossed bands of a woven check.
 
     Attributes:
-        colours: float32 [2, 3].
+        colors: float32 [2, 3].
         size: Side of a square, metres.
         woven: Half-transparent bands that cross, rather than alternating squares.
     """
 
-    colours: Floats
+    colors: Floats
     size: float
     woven: bool = False
 
@@ -145,7 +145,7 @@ class Checks(Texture):
         cell = np.floor(face_coordinates(points, normals) / np.float32(self.size)).astype(np.int64) & 1
         share = cell.sum(axis=1) / 2 if self.woven else (cell[:, 0] ^ cell[:, 1])
         mix = share.astype(np.float32)[:, None]
-        return self.colours[0] * (1 - mix) + self.colours[1] * mix
+        return self.colors[0] * (1 - mix) + self.colors[1] * mix
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +153,7 @@ class Wood(Texture):
     """Wooden boards: each of its own tint, with grain along it.
 
     Attributes:
-        colour: float32 [3].
+        color: float32 [3].
         along: Axis of the grain, 0 for x, 1 for y, 2 for z.
         board: Width of a board, metres; 0 for one piece.
         length: Length of a board, metres.
@@ -161,7 +161,7 @@ class Wood(Texture):
         seed: Which grain.
     """
 
-    colour: Colour
+    color: Color
     along: int = 0
     board: float = 0.0
     length: float = 1.2
@@ -192,7 +192,7 @@ class Wood(Texture):
                 np.minimum(run - column, column + 1 - run) * np.float32(self.length),
             )
             shade = shade * (np.float32(0.72) + np.float32(0.28) * np.clip(gap / np.float32(0.002), 0, 1))
-        return self.colour * shade[:, None]
+        return self.color * shade[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,8 +200,8 @@ class Tiles(Texture):
     """Tiles or bricks with joints.
 
     Attributes:
-        colour: float32 [3].
-        joint_colour: float32 [3].
+        color: float32 [3].
+        joint_color: float32 [3].
         size: Lengths of a tile along the two directions of a face, metres.
         joint: Width of the joints, metres.
         offset: Shift of every other row, in tiles: 0 for tiles, 0.5 for bricks.
@@ -209,8 +209,8 @@ class Tiles(Texture):
         seed: Which tints.
     """
 
-    colour: Colour
-    joint_colour: Colour
+    color: Color
+    joint_color: Color
     size: tuple[float, float]
     joint: float = 0.004
     offset: float = 0.0
@@ -228,7 +228,7 @@ class Tiles(Texture):
         shade = 1 + np.float32(self.variety) * (tint - 0.5) + np.float32(0.12) * (grain - 0.5)
         gap = np.minimum(_edge_distance(shifted, self.size[0]), _edge_distance(place[:, 1], self.size[1]))
         tile = np.clip(gap / np.float32(self.joint / 2), 0, 1).astype(np.float32)[:, None]
-        return self.joint_colour * (1 - tile) + self.colour * shade.astype(np.float32)[:, None] * tile
+        return self.joint_color * (1 - tile) + self.color * shade.astype(np.float32)[:, None] * tile
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,12 +248,12 @@ class Bands(Texture):
     def __call__(self, points: Floats, normals: Floats) -> Floats:
         """Return the colour of surface points."""
         which = np.searchsorted(np.asarray(self.heights, dtype=np.float32), points[:, self.axis])
-        colours = np.empty(points.shape, dtype=np.float32)
+        colors = np.empty(points.shape, dtype=np.float32)
         for k, texture in enumerate(self.textures):
             inside = which == k
             if inside.any():
-                colours[inside] = texture(points[inside], normals[inside])
-        return colours
+                colors[inside] = texture(points[inside], normals[inside])
+        return colors
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,13 +295,13 @@ class Printed(Texture):
         u = (place[:, 0] - self.low[0]) / np.float32(width)
         v = (self.high[1] - place[:, 1]) / np.float32(height)
         shown &= (u >= 0) & (u < 1) & (v >= 0) & (v < 1)
-        colours = np.empty(points.shape, dtype=np.float32)
+        colors = np.empty(points.shape, dtype=np.float32)
         if shown.any():
-            colours[shown] = _bilinear(self.image, u[shown], v[shown])
+            colors[shown] = _bilinear(self.image, u[shown], v[shown])
         bare = ~shown
         if bare.any():
-            colours[bare] = self.base(points[bare], normals[bare])
-        return colours
+            colors[bare] = self.base(points[bare], normals[bare])
+        return colors
 
 
 def _bilinear(image: Floats, u: Floats, v: Floats) -> Floats:

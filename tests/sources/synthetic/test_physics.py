@@ -10,14 +10,14 @@ pytest.importorskip("trimesh", reason="needs the extra sgbd[synthetic]")
 
 import mujoco
 
-from sgbd.sources.synthetic import colours, meshes, physics
+from sgbd.sources.synthetic import colors, meshes, physics
 from sgbd.sources.synthetic.shapes import Part, Shape
 from sgbd.sources.synthetic.shapes.part import solid_box
 from sgbd.sources.synthetic.table import Table, random_floor, random_table
 from sgbd.sources.synthetic.textures import Plain
 from sgbd.sources.synthetic.variety import Variety
 
-GREY = Plain(colours.rgb(0.5, 0.5, 0.5))
+GREY = Plain(colors.rgb(0.5, 0.5, 0.5))
 
 
 def cube(side: float = 0.1) -> Shape:

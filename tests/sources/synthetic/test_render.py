@@ -9,7 +9,7 @@ pytest.importorskip("embreex", reason="needs the extra sgbd[synthetic]")
 pytest.importorskip("trimesh", reason="needs the extra sgbd[synthetic]")
 
 from sgbd.frame import Intrinsics
-from sgbd.sources.synthetic import colours, meshes
+from sgbd.sources.synthetic import colors, meshes
 from sgbd.sources.synthetic.render import Camera, Light, Rendering, Scene, _corner_normals
 from sgbd.sources.synthetic.room import Placed
 from sgbd.sources.synthetic.shapes import Part
@@ -17,7 +17,7 @@ from sgbd.sources.synthetic.textures import Plain
 
 WIDTH, HEIGHT = 64, 48
 WHITE = Plain(np.ones(3, dtype=np.float32), 0.0, gloss=0.0)
-RED = Plain(colours.rgb(1, 0, 0), 0.0, gloss=0.0)
+RED = Plain(colors.rgb(1, 0, 0), 0.0, gloss=0.0)
 DARKNESS = np.zeros((2, 3), dtype=np.float32)
 DAYLIGHT = np.ones((2, 3), dtype=np.float32)
 
@@ -67,15 +67,15 @@ def test_diffuse_light_follows_cosine_and_distance() -> None:
     x = (np.arange(WIDTH) - (WIDTH - 1) / 2) / 30
     y = (np.arange(HEIGHT) - (HEIGHT - 1) / 2) / 30
     square = 9 + x**2 + y[:, None] ** 2
-    np.testing.assert_allclose(rendering.colour[..., 0], 9 / square * (3 / np.sqrt(square)), rtol=1e-3)
+    np.testing.assert_allclose(rendering.color[..., 0], 9 / square * (3 / np.sqrt(square)), rtol=1e-3)
 
 
 def test_a_block_throws_its_shadow_away_from_the_lamp() -> None:
     rendering = render(Scene([FLOOR, BLOCK], [1, 2]), [lamp((2.0, 0, 1.5))])
     floor = rendering.label == 1
     # Left of the block (x < -0.2) the lamp is hidden as far as 0.2 + 0.5 * 2.2 / 1.0 from the edge.
-    left = floor[24, :20], rendering.colour[24, :20, 0]
-    right = floor[24, 44:], rendering.colour[24, 44:, 0]
+    left = floor[24, :20], rendering.color[24, :20, 0]
+    right = floor[24, 44:], rendering.color[24, 44:, 0]
     assert left[1][left[0]].max() < 0.02
     assert right[1][right[0]].min() > 0.2
 
@@ -85,7 +85,7 @@ def test_a_large_lamp_has_a_soft_shadow() -> None:
     soft = render(Scene([FLOOR, BLOCK], [1, 2]), [lamp((0.9, 0, 2.5), 0.8)])
     # Between light and dark, relative to an unshaded floor.
     bare = render(Scene([FLOOR], [1]), [lamp((0.9, 0, 2.5))])
-    shares = [(r.colour[..., 0] / bare.colour[..., 0])[(r.label == 1) & (r.depth > 1.9)] for r in (sharp, soft)]
+    shares = [(r.color[..., 0] / bare.color[..., 0])[(r.label == 1) & (r.depth > 1.9)] for r in (sharp, soft)]
     between = [((share > 0.15) & (share < 0.85)).sum() for share in shares]
     assert between[1] > 1.5 * between[0]
 
@@ -93,14 +93,14 @@ def test_a_large_lamp_has_a_soft_shadow() -> None:
 def test_ambient_light_is_dimmed_beside_a_wall() -> None:
     wall = placed(meshes.box((1, 10, 2), (0.8, 0, 1)))
     rendering = render(Scene([FLOOR, wall], [1, 0]), [lamp((-50, 0, 0.001))], DAYLIGHT)
-    row = rendering.colour[24, :, 0]
+    row = rendering.color[24, :, 0]
     assert row[rendering.label[24] == 1][-1] < 0.75 * row[0]
     assert row[0] == pytest.approx(1, abs=0.02)
 
 
 def test_surfaces_have_their_own_colours() -> None:
     rendering = render(Scene([FLOOR, BLOCK], [1, 2]), [lamp((0, 0, 3))], DAYLIGHT)
-    block = rendering.colour[rendering.label == 2]
+    block = rendering.color[rendering.label == 2]
     assert (block[:, 0] > 0.5).all()
     assert (block[:, 1:] < 0.01).all()
 
@@ -110,7 +110,7 @@ def test_nothing_there_is_depth_zero_and_black() -> None:
     outside = rendering.label == 0
     assert outside.any()
     assert (rendering.depth[outside] == 0).all()
-    assert (rendering.colour[outside] == 0).all()
+    assert (rendering.color[outside] == 0).all()
 
 
 def test_a_camera_looks_at_its_target_with_the_sky_up() -> None:

@@ -99,32 +99,32 @@ def test_depth_is_lost_at_edges_but_never_invented_between_near_and_far() -> Non
 
 
 def test_exposure_brings_the_middle_of_what_counts_to_the_wanted_brightness() -> None:
-    colour = np.full((40, 40, 3), 7.0, dtype=np.float32)
-    colour[:, 20:] = 100.0
+    color = np.full((40, 40, 3), 7.0, dtype=np.float32)
+    color[:, 20:] = 100.0
     weight = np.zeros((40, 40), dtype=np.float32)
     weight[:, :20] = 1
-    picture = exposed(colour, weight, 0.25)
+    picture = exposed(color, weight, 0.25)
     np.testing.assert_allclose(picture[:, :20], 0.5, rtol=1e-4)
     assert (picture[:, 20:] > 0.9).all()
     assert (picture <= 1).all()
 
 
 def test_highlights_hold_the_exposure_back() -> None:
-    colour = np.full((40, 40, 3), 0.01, dtype=np.float32)
-    colour[:20] = 10.0
-    picture = exposed(colour, np.ones((40, 40), dtype=np.float32), 0.5)
+    color = np.full((40, 40, 3), 0.01, dtype=np.float32)
+    color[:20] = 10.0
+    picture = exposed(color, np.ones((40, 40), dtype=np.float32), 0.5)
     # The mean of the logarithms is about 0.3; bringing it to 0.5 would burn half of the picture.
     assert picture[:20].max() < 0.95
 
 
 def test_a_perfect_camera_only_rounds() -> None:
-    colour = np.linspace(0, 1, 4 * 5 * 3, dtype=np.float32).reshape(4, 5, 3)
-    picture = photographed(colour, 0.0, 0.0, np.ones(3, dtype=np.float32), np.random.default_rng(0))
-    np.testing.assert_array_equal(picture, np.round(colour * 255).astype(np.uint8))
+    color = np.linspace(0, 1, 4 * 5 * 3, dtype=np.float32).reshape(4, 5, 3)
+    picture = photographed(color, 0.0, 0.0, np.ones(3, dtype=np.float32), np.random.default_rng(0))
+    np.testing.assert_array_equal(picture, np.round(color * 255).astype(np.uint8))
 
 
 def test_tint_and_noise_change_the_picture_as_told() -> None:
-    colour = np.full((100, 100, 3), 0.5, dtype=np.float32)
-    picture = photographed(colour, 0.5, 4.0, np.array([1.1, 1, 0.9], dtype=np.float32), np.random.default_rng(0))
+    color = np.full((100, 100, 3), 0.5, dtype=np.float32)
+    picture = photographed(color, 0.5, 4.0, np.array([1.1, 1, 0.9], dtype=np.float32), np.random.default_rng(0))
     np.testing.assert_allclose(picture.mean(axis=(0, 1)), [140.25, 127.5, 114.75], atol=0.3)
     np.testing.assert_allclose(picture.std(axis=(0, 1)), 4, atol=0.3)

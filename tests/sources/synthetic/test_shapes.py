@@ -126,13 +126,13 @@ def test_textures_give_colours_in_range_of_several_tones(category: str) -> None:
         shape = SHAPES[category](np.random.default_rng(seed))
         for piece in shape.parts:
             points = piece.mesh.triangles_center.astype(np.float32)
-            colours = piece.texture(points, piece.mesh.face_normals.astype(np.float32))
-            assert colours.shape == points.shape
-            assert colours.dtype == np.float32
-            assert np.isfinite(colours).all()
-            assert colours.min() > -0.05
-            assert colours.max() < 1.5
-            tones.add(tuple((colours.mean(axis=0) * 8).astype(int)))
+            colors = piece.texture(points, piece.mesh.face_normals.astype(np.float32))
+            assert colors.shape == points.shape
+            assert colors.dtype == np.float32
+            assert np.isfinite(colors).all()
+            assert colors.min() > -0.05
+            assert colors.max() < 1.5
+            tones.add(tuple((colors.mean(axis=0) * 8).astype(int)))
     assert len(tones) > 3
 
 

@@ -22,7 +22,7 @@ RED, GREEN, BLUE, WHITE = [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.
 UP = [0.0, 0.0, 1.0]
 
 
-def colour(texture: object, points: list[list[float]], normals: list[list[float]] | None = None) -> list[list[float]]:
+def color(texture: object, points: list[list[float]], normals: list[list[float]] | None = None) -> list[list[float]]:
     array = np.array(points, dtype=np.float32)
     directions = np.array(normals or [UP] * len(points), dtype=np.float32)
     result: npt.NDArray[np.float32] = texture(array, directions)  # type: ignore[operator]
@@ -34,12 +34,12 @@ def rows(*values: list[float]) -> npt.NDArray[np.float32]:
 
 
 def test_plain_without_grain_is_its_colour() -> None:
-    assert colour(Plain(rows(RED)[0], grain=0), [[0, 0, 0], [1, 2, 3]]) == [RED, RED]
+    assert color(Plain(rows(RED)[0], grain=0), [[0, 0, 0], [1, 2, 3]]) == [RED, RED]
 
 
 def test_stripes_follow_each_other_along_their_direction() -> None:
     stripes = Stripes(rows(RED, GREEN, BLUE), rows([1, 0, 0])[0], period=0.3)
-    assert colour(stripes, [[0.05, 9, 9], [0.15, 0, 0], [0.25, 0, 0], [0.35, 0, 0], [-0.05, 0, 0]]) == [
+    assert color(stripes, [[0.05, 9, 9], [0.15, 0, 0], [0.25, 0, 0], [0.35, 0, 0], [-0.05, 0, 0]]) == [
         RED, GREEN, BLUE, RED, BLUE,
     ]  # fmt: skip
 
@@ -47,29 +47,29 @@ def test_stripes_follow_each_other_along_their_direction() -> None:
 def test_stripes_without_direction_go_around_the_axis() -> None:
     stripes = Stripes(rows(RED, GREEN), None, period=np.pi)
     points = [[np.cos(a), np.sin(a), 5] for a in np.deg2rad([45, 135, 225, 315])]
-    assert colour(stripes, points) == [RED, GREEN, RED, GREEN]
+    assert color(stripes, points) == [RED, GREEN, RED, GREEN]
 
 
 def test_checks_alternate_on_the_face_that_is_seen() -> None:
     checks = Checks(rows(RED, GREEN), size=1.0)
-    assert colour(checks, [[0.5, 0.5, 0], [1.5, 0.5, 0], [1.5, 1.5, 0]]) == [RED, GREEN, RED]
+    assert color(checks, [[0.5, 0.5, 0], [1.5, 0.5, 0], [1.5, 1.5, 0]]) == [RED, GREEN, RED]
     side = [[0.0, 1.0, 0.0]] * 2
-    assert colour(checks, [[0.5, 0, 0.5], [0.5, 0, 1.5]], side) == [RED, GREEN]
+    assert color(checks, [[0.5, 0, 0.5], [0.5, 0, 1.5]], side) == [RED, GREEN]
 
 
 def test_woven_bands_mix_where_one_lies_over_the_ground() -> None:
     woven = Checks(rows(RED, GREEN), size=1.0, woven=True)
-    assert colour(woven, [[0.5, 0.5, 0], [1.5, 0.5, 0], [1.5, 1.5, 0]]) == [RED, [0.5, 0.5, 0], GREEN]
+    assert color(woven, [[0.5, 0.5, 0], [1.5, 0.5, 0], [1.5, 1.5, 0]]) == [RED, [0.5, 0.5, 0], GREEN]
 
 
 def test_bands_change_at_their_heights() -> None:
     bands = Bands((Plain(rows(RED)[0], 0), Plain(rows(GREEN)[0], 0)), (0.5,))
-    assert colour(bands, [[0, 0, 0.4], [0, 0, 0.6]]) == [RED, GREEN]
+    assert color(bands, [[0, 0, 0.4], [0, 0, 0.6]]) == [RED, GREEN]
 
 
 def test_tiles_have_joints_between_them() -> None:
     tiles = Tiles(rows(RED)[0], rows(BLUE)[0], (1.0, 1.0), joint=0.1, variety=0.0)
-    joint, middle = colour(tiles, [[1.0, 0.5, 0], [0.5, 0.5, 0]])
+    joint, middle = color(tiles, [[1.0, 0.5, 0], [0.5, 0.5, 0]])
     assert joint == BLUE
     assert middle[0] > 0.8
     assert middle[2] == 0
@@ -77,7 +77,7 @@ def test_tiles_have_joints_between_them() -> None:
 
 def test_bricks_shift_every_other_row() -> None:
     bricks = Tiles(rows(RED)[0], rows(BLUE)[0], (1.0, 1.0), joint=0.1, offset=0.5)
-    assert colour(bricks, [[0.5, 1.5, 0]]) == [BLUE]
+    assert color(bricks, [[0.5, 1.5, 0]]) == [BLUE]
 
 
 def test_a_printed_face_shows_its_picture_upright_from_outside() -> None:
@@ -91,18 +91,18 @@ def test_a_printed_face_shows_its_picture_upright_from_outside() -> None:
         normal[axis] = -1 if face[0] == "-" else 1
         step = 0.5 * np.array(right)
         points = [(np.array([0, 0, z]) + side * step).tolist() for z in (1.5, 0.5) for side in (-1, 1)]
-        assert colour(printed, points, [normal.tolist()] * 4) == [RED, GREEN, BLUE, WHITE], face
-        assert colour(printed, points[:1], [(-normal).tolist()]) == [[0, 0, 0]], face
+        assert color(printed, points, [normal.tolist()] * 4) == [RED, GREEN, BLUE, WHITE], face
+        assert color(printed, points[:1], [(-normal).tolist()]) == [[0, 0, 0]], face
 
 
 def test_a_label_goes_around_the_outside_only() -> None:
     image = np.full((4, 8, 3), RED, dtype=np.float32)
     label = Printed(image, Plain(rows(BLUE)[0], 0), "around", (-np.pi, 0), (np.pi, 1))
     outside, inside = [[1.0, 0.0, 0.0]], [[-1.0, 0.0, 0.0]]
-    assert colour(label, [[1, 0, 0.5]], outside) == [RED]
-    assert colour(label, [[1, 0, 0.5]], inside) == [BLUE]
-    assert colour(label, [[1, 0, 1.5]], outside) == [BLUE]
-    assert colour(label, [[1, 0, 0.5]], [UP]) == [BLUE]
+    assert color(label, [[1, 0, 0.5]], outside) == [RED]
+    assert color(label, [[1, 0, 0.5]], inside) == [BLUE]
+    assert color(label, [[1, 0, 1.5]], outside) == [BLUE]
+    assert color(label, [[1, 0, 0.5]], [UP]) == [BLUE]
 
 
 def test_wood_has_grain_and_boards() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sgbd.sources.synthetic import colours, finishes, prints
+from sgbd.sources.synthetic import colors, finishes, prints
 from sgbd.sources.synthetic.meshes import arc, box, cylinder, ellipsoid, frustum, hull, joined, lathe, moved, ring, tube
 from sgbd.sources.synthetic.shapes.part import (
     Part,
@@ -29,7 +29,7 @@ def ashcan(rng: np.random.Generator) -> Shape:
     rim = rng.uniform(0.004, 0.009)
     body: Texture = finishes.plastic(rng) if rng.random() < 0.6 else finishes.metallic(rng)
     if rng.random() < 0.35:
-        pair = np.stack([colours.any_colour(rng), colours.any_colour(rng)])
+        pair = np.stack([colors.any_color(rng), colors.any_color(rng)])
         body = Stripes(pair, None, 2 * np.pi / rng.integers(10, 24), gloss=0.2)
     elif rng.random() < 0.35:
         body = finishes.wrapped(rng, 0.2 * height, 0.8 * height, body)
@@ -156,10 +156,10 @@ def bottle(rng: np.random.Generator) -> Shape:
     ]
     profile = [(0, 0), (radius * 0.9, 0), (radius, 0.012), (radius * waist, 0.5 * shoulder * height), *slope]
     profile += [(neck, 0.94 * height), (0, 0.94 * height)]
-    base: Texture = Plain(colours.any_colour(rng), 0.02, gloss=0.7) if rng.random() < 0.7 else finishes.plastic(rng)
+    base: Texture = Plain(colors.any_color(rng), 0.02, gloss=0.7) if rng.random() < 0.7 else finishes.plastic(rng)
     if rng.random() < 0.3:
         base = Bands(
-            (base, Plain(colours.any_colour(rng), gloss=0.5)), (shoulder * height * rng.uniform(0.6, 1.1),), gloss=0.6
+            (base, Plain(colors.any_color(rng), gloss=0.5)), (shoulder * height * rng.uniform(0.6, 1.1),), gloss=0.6
         )
     if rng.random() < 0.8:
         low = rng.uniform(0.08, 0.2) * height
@@ -338,7 +338,7 @@ def pot(rng: np.random.Generator) -> Shape:
         (foot - wall, 0.01),
         (0, wall + 0.002),
     ]
-    grip = finishes.plastic(rng, colours.dark(rng) if rng.random() < 0.5 else None)
+    grip = finishes.plastic(rng, colors.dark(rng) if rng.random() < 0.5 else None)
     parts = [Part("body", lathe(profile, 36), body)]
     solids: list[Solid]
     lidded = rng.random() < 0.5

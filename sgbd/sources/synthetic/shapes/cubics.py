@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sgbd.sources.synthetic import colours, finishes, prints
+from sgbd.sources.synthetic import colors, finishes, prints
 from sgbd.sources.synthetic.meshes import box, cylinder, frustum, hull, joined, moved, ring, rotation, tube
 from sgbd.sources.synthetic.shapes.part import Part, Shape, assemble, solid_box, solid_hull
 from sgbd.sources.synthetic.textures import Plain, Printed, Texture
@@ -68,7 +68,7 @@ def dishwasher(rng: np.random.Generator) -> Shape:
         Part(
             "plinth",
             box((0.92 * width, 0.88 * depth, plinth + 0.01), (0, 0.02 * depth, plinth / 2 + 0.005)),
-            Plain(colours.dark(rng)),
+            Plain(colors.dark(rng)),
         ),
         Part(
             "door",
@@ -80,7 +80,7 @@ def dishwasher(rng: np.random.Generator) -> Shape:
         Part(
             "controls",
             box((0.96 * width, 0.01, strip), (0, front - 0.002, height - strip / 2 - 0.006 * height), 0.002),
-            Plain(colours.dark(rng), gloss=0.6),
+            Plain(colors.dark(rng), gloss=0.6),
         ),
     ]
     buttons = [
@@ -114,22 +114,22 @@ def microwave(rng: np.random.Generator) -> Shape:
     front = -depth / 2
     shell = finishes.casing(rng)
     split = rng.uniform(0.2, 0.27) * width
-    face_colour = colours.dark(rng) if rng.random() < 0.5 else colours.light(rng)
+    face_color = colors.dark(rng) if rng.random() < 0.5 else colors.light(rng)
     door_width = 0.97 * width - split
     door_x = -0.485 * width + door_width / 2
     panel_x = width / 2 - 0.015 * width - split / 2
     lift = 0.012
     middle = lift + height / 2
-    keys = prints.keypad(rng, 3, 5, face_colour)
+    keys = prints.keypad(rng, 3, 5, face_color)
     panel: Texture = Printed(
         keys,
-        Plain(face_colour, gloss=0.3),
+        Plain(face_color, gloss=0.3),
         "-y",
         (panel_x - 0.4 * split, lift + 0.1 * height),
         (panel_x + 0.4 * split, lift + 0.6 * height),
         gloss=0.3,
     )
-    clock = Plain(colours.vivid(rng) * np.float32(0.5), gloss=0.6)
+    clock = Plain(colors.vivid(rng) * np.float32(0.5), gloss=0.6)
     parts = [
         Part("shell", box((width, depth, height), (0, 0, middle), 0.005), shell),
         Part(
@@ -156,7 +156,7 @@ def microwave(rng: np.random.Generator) -> Shape:
         for x in (-1, 1)
         for y in (-1, 1)
     ]
-    parts.append(Part("feet", joined(feet), Plain(colours.dark(rng))))
+    parts.append(Part("feet", joined(feet), Plain(colors.dark(rng))))
     solids = [
         solid_box((width, depth, height), (0, 0, middle)),
         solid_box((0.86 * width, 0.78 * depth, lift), (0, 0, lift / 2)),
@@ -184,7 +184,7 @@ def printer(rng: np.random.Generator) -> Shape:
         Part(
             "slot",
             box((0.8 * width, 0.02, 0.16 * height), (0, front - 0.001 + 0.15 * slant, 0.28 * height)),
-            Plain(colours.dark(rng) * np.float32(0.5)),
+            Plain(colors.dark(rng) * np.float32(0.5)),
         ),
     ]
     reach = rng.uniform(0.15, 0.4) * depth
@@ -193,13 +193,13 @@ def printer(rng: np.random.Generator) -> Shape:
         Part(
             "tray",
             box((0.76 * width, reach + 0.02, 0.008), (0, front - reach / 2, tray_z), 0.002),
-            finishes.plastic(rng, colours.dark(rng)),
+            finishes.plastic(rng, colors.dark(rng)),
         )
     )
-    paper = Plain(colours.rgb(0.95, 0.95, 0.94), 0.01)
+    paper = Plain(colors.rgb(0.95, 0.95, 0.94), 0.01)
     parts.append(Part("sheet", box((0.62 * width, reach, 0.003), (0, front - reach / 2 + 0.01, tray_z + 0.006)), paper))
-    buttons = prints.keypad(rng, 4, 1, colours.dark(rng), 24)
-    strip = Printed(buttons, Plain(colours.dark(rng)), "+z", (0.2 * width, -0.1 * depth), (0.44 * width, -0.02 * depth))
+    buttons = prints.keypad(rng, 4, 1, colors.dark(rng), 24)
+    strip = Printed(buttons, Plain(colors.dark(rng)), "+z", (0.2 * width, -0.1 * depth), (0.44 * width, -0.02 * depth))
     parts.append(
         Part(
             "buttons",

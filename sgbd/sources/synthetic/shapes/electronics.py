@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from sgbd.sources.synthetic import colours, finishes, prints
+from sgbd.sources.synthetic import colors, finishes, prints
 from sgbd.sources.synthetic.meshes import (
     arc,
     block,
@@ -39,7 +39,7 @@ def camera(rng: np.random.Generator) -> Shape:
     width = rng.uniform(0.10, 0.16)
     depth, height = width * rng.uniform(0.28, 0.42), width * rng.uniform(0.56, 0.7)
     front = -depth / 2
-    skin = Plain(colours.dark(rng), 0.3, 0.002, finishes.seed_of(rng), gloss=0.1)
+    skin = Plain(colors.dark(rng), 0.3, 0.002, finishes.seed_of(rng), gloss=0.1)
     top = finishes.metallic(rng) if rng.random() < 0.5 else finishes.plastic(rng)
     shell: Texture = Bands((skin, top), (0.72 * height,)) if rng.random() < 0.7 else finishes.plastic(rng)
     parts = [Part("body", box((width, depth, height), (0, 0, height / 2), 0.006), shell)]
@@ -60,10 +60,10 @@ def camera(rng: np.random.Generator) -> Shape:
     x = rng.uniform(-0.08, 0.1) * width
     lens = placed(lathe(steps, 28), (x, front + 0.002, 0.46 * height), "-y")
     parts.append(
-        Part("lens", lens, finishes.plastic(rng, colours.dark(rng)) if rng.random() < 0.7 else finishes.metallic(rng))
+        Part("lens", lens, finishes.plastic(rng, colors.dark(rng)) if rng.random() < 0.7 else finishes.metallic(rng))
     )
     glass = ellipsoid((0.64 * radius, 0.2 * radius, 0.64 * radius), (x, front - 0.76 * long, 0.46 * height), 2)
-    parts.append(Part("glass", glass, Plain(colours.rgb(0.12, 0.1, 0.22), 0.0, gloss=1.0)))
+    parts.append(Part("glass", glass, Plain(colors.rgb(0.12, 0.1, 0.22), 0.0, gloss=1.0)))
     hump = frustum((0.36 * width, 0.95 * depth), (0.2 * width, 0.6 * depth), 0.22 * height, at=(x, 0, height - 0.002))
     parts.append(Part("viewfinder", hull(hump), top))
     button = cylinder(0.05 * width, 0.05 * height + 0.008, (0.36 * width, 0, height + 0.004), sections=16)
@@ -92,7 +92,7 @@ def cellular_telephone(rng: np.random.Generator) -> Shape:
         edge = (0.42 * width, (high - low) / 2 * length * 0.98)
         image = Printed(
             picture,
-            Plain(colours.dark(rng), gloss=0.8),
+            Plain(colors.dark(rng), gloss=0.8),
             "+z",
             (-edge[0], where[1] - edge[1]),
             (edge[0], where[1] + edge[1]),
@@ -100,7 +100,7 @@ def cellular_telephone(rng: np.random.Generator) -> Shape:
         )
         return Part(name, box(size, where), image)
 
-    keys = prints.keypad(rng, 3, 4, colours.dark(rng))
+    keys = prints.keypad(rng, 3, 4, colors.dark(rng))
     picture = prints.screen(rng, 96, 150)
     if kind == 0:
         slab = box((width, length, thick), (0, 0, thick / 2), 0.35 * thick)
@@ -125,7 +125,7 @@ def cellular_telephone(rng: np.random.Generator) -> Shape:
                     0.25 * thick,
                     8,
                 ),
-                Plain(colours.dark(rng)),
+                Plain(colors.dark(rng)),
             ),
         ]
         solids = [
@@ -142,7 +142,7 @@ def cellular_telephone(rng: np.random.Generator) -> Shape:
             Part("body", box((width, length, 0.8 * thick), (0, 0, 0.4 * thick), 0.002), body),
             face(-0.42, 0.36, 0.8 * thick, keys, "keys"),
             Part("lid", lid, body if rng.random() < 0.5 else finishes.plastic(rng)),
-            Part("screen", glass, Plain(colours.any_colour(rng), 0.0, gloss=0.7)),
+            Part("screen", glass, Plain(colors.any_color(rng), 0.0, gloss=0.7)),
         ]
         solids = [
             solid_box((width, length, 0.8 * thick), (0, 0, 0.4 * thick)),
@@ -164,7 +164,7 @@ def clock(rng: np.random.Generator) -> Shape:
     face_radius = 0.86 * radius
     dial: Texture = Printed(
         prints.dial(rng),
-        Plain(colours.light(rng)),
+        Plain(colors.light(rng)),
         "-y",
         (-face_radius, middle - face_radius),
         (face_radius, middle + face_radius),
@@ -229,7 +229,7 @@ def clock(rng: np.random.Generator) -> Shape:
                 accent,
             )
         )
-    ink = Plain(colours.dark(rng) if rng.random() < 0.8 else colours.vivid(rng), 0.0)
+    ink = Plain(colors.dark(rng) if rng.random() < 0.8 else colors.vivid(rng), 0.0)
     for share in (0.5, 0.72):
         angle = rng.uniform(0, 2 * np.pi)
         hand = box((0.07 * radius, 0.003, share * face_radius), (0, 0, share * face_radius / 2 - 0.05 * radius))
@@ -243,12 +243,10 @@ def computer_keyboard(rng: np.random.Generator) -> Shape:
     depth, thick = width * rng.uniform(0.3, 0.4), width * rng.uniform(0.03, 0.055)
     slope = rng.uniform(0.0, 0.6) * thick
     ground = (
-        colours.any_colour(rng)
-        if rng.random() < 0.3
-        else (colours.dark(rng) if rng.random() < 0.6 else colours.light(rng))
+        colors.any_color(rng) if rng.random() < 0.3 else (colors.dark(rng) if rng.random() < 0.6 else colors.light(rng))
     )
-    key_colour = (
-        colours.contrasting(rng, ground, 0.2) if rng.random() < 0.7 else ground * np.float32(1.3) + np.float32(0.05)
+    key_color = (
+        colors.contrasting(rng, ground, 0.2) if rng.random() < 0.7 else ground * np.float32(1.3) + np.float32(0.05)
     )
     plate = frustum((width, depth), (0.985 * width, 0.95 * depth), thick)
     plate[:, 2] += np.where((plate[:, 1] > 0) & (plate[:, 2] > 0), slope, 0)
@@ -285,9 +283,9 @@ def computer_keyboard(rng: np.random.Generator) -> Shape:
             )
             (special if span > 1 and rng.random() < 0.6 else keys).append(cap)
             column += span
-    parts.append(Part("keys", joined(keys), Plain(np.clip(key_colour, 0, 1), 0.05, 0.01, gloss=0.15)))
+    parts.append(Part("keys", joined(keys), Plain(np.clip(key_color, 0, 1), 0.05, 0.01, gloss=0.15)))
     if special:
-        parts.append(Part("special keys", joined(special), Plain(colours.any_colour(rng), gloss=0.15)))
+        parts.append(Part("special keys", joined(special), Plain(colors.any_color(rng), gloss=0.15)))
     body = plate.copy()
     body[:, 2] += np.where(body[:, 2] > 0, rise * 0.8, 0)
     return assemble("computer_keyboard", parts, [solid_hull(body)], upright=0.8)
@@ -298,13 +296,13 @@ def display(rng: np.random.Generator) -> Shape:
     width = rng.uniform(0.20, 0.32)
     height, thick = width * rng.uniform(0.55, 0.75), rng.uniform(0.012, 0.025)
     lift = rng.uniform(0.3, 0.5) * height
-    frame = finishes.plastic(rng, colours.dark(rng)) if rng.random() < 0.6 else finishes.casing(rng)
+    frame = finishes.plastic(rng, colors.dark(rng)) if rng.random() < 0.6 else finishes.casing(rng)
     tilt = rotation("x", -rng.uniform(0.0, 0.2))
     hinge = np.array([0, 0, lift])
     border = rng.uniform(0.03, 0.08)
     view = Printed(
         prints.screen(rng),
-        Plain(colours.dark(rng)),
+        Plain(colors.dark(rng)),
         "-y",
         (-width * (0.5 - border), lift),
         (width * (0.5 - border), lift + height * 0.96),
@@ -344,7 +342,7 @@ def laptop(rng: np.random.Generator) -> Shape:
     width = rng.uniform(0.22, 0.34)
     depth, thick = width * rng.uniform(0.64, 0.75), rng.uniform(0.012, 0.02)
     casing = finishes.metallic(rng) if rng.random() < 0.5 else finishes.plastic(rng)
-    ground = colours.dark(rng)
+    ground = colors.dark(rng)
     keys = Printed(
         prints.keypad(rng, 14, 5, ground, 18),
         Plain(ground),
@@ -370,7 +368,7 @@ def laptop(rng: np.random.Generator) -> Shape:
     upright = opening > np.pi / 4
     # The screen's picture is laid on the box face that the tilted lid shows most of.
     tall = depth * abs(np.sin(opening))
-    shown: Texture = Plain(colours.dark(rng), gloss=0.7)
+    shown: Texture = Plain(colors.dark(rng), gloss=0.7)
     if upright:
         shown = Printed(view, shown, "-y", (-0.5 * width, hinge[2]), (0.5 * width, hinge[2] + tall), gloss=0.6)
     parts.append(Part("lid", moved(lid, turn, hinge), casing if rng.random() < 0.6 else finishes.plastic(rng)))
@@ -389,11 +387,11 @@ def loudspeaker(rng: np.random.Generator) -> Shape:
     front = -depth / 2
     case = finishes.wooden(rng, 2) if rng.random() < 0.5 else finishes.casing(rng)
     parts = [Part("case", box((width, depth, height), (0, 0, height / 2), 0.003), case)]
-    board_colour = colours.dark(rng) if rng.random() < 0.7 else colours.any_colour(rng)
-    board: Texture = Plain(board_colour, 0.1, 0.004, gloss=0.05)
+    board_color = colors.dark(rng) if rng.random() < 0.7 else colors.any_color(rng)
+    board: Texture = Plain(board_color, 0.1, 0.004, gloss=0.05)
     if rng.random() < 0.3:
         board = Printed(
-            prints.grille(rng, board_colour),
+            prints.grille(rng, board_color),
             board,
             "-y",
             (-0.45 * width, 0.03 * height),
@@ -436,8 +434,8 @@ def telephone(rng: np.random.Generator) -> Shape:
     offset = 0.16 * width
     if rng.random() < 0.7:
         field = Printed(
-            prints.keypad(rng, 3, 4, colours.dark(rng)),
-            Plain(colours.dark(rng)),
+            prints.keypad(rng, 3, 4, colors.dark(rng)),
+            Plain(colors.dark(rng)),
             "+z",
             (offset - 0.24 * width, -0.3 * depth),
             (offset + 0.24 * width, 0.26 * depth),

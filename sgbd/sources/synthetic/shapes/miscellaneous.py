@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import trimesh
 
-from sgbd.sources.synthetic import colours, finishes, prints
+from sgbd.sources.synthetic import colors, finishes, prints
 from sgbd.sources.synthetic.meshes import (
     arc,
     box,
@@ -43,7 +43,7 @@ def birdhouse(rng: np.random.Generator) -> Shape:
     wall: Texture = finishes.wooden(rng, 2) if rng.random() < 0.6 else finishes.plastic(rng)
     roof: Texture = finishes.wooden(rng, 1) if rng.random() < 0.5 else finishes.plastic(rng)
     if rng.random() < 0.3:
-        pair = np.stack([colours.any_colour(rng), colours.any_colour(rng)])
+        pair = np.stack([colors.any_color(rng), colors.any_color(rng)])
         wall = Stripes(pair, np.array([0, 0, 1], dtype=np.float32), rng.uniform(0.02, 0.05), gloss=0.1)
     front = -depth / 2
     gable = np.array(
@@ -65,7 +65,7 @@ def birdhouse(rng: np.random.Generator) -> Shape:
         Part(
             "hole",
             cylinder(hole, 0.004, (0, front - 0.001, 0.68 * eaves), "y", 24),
-            Plain(colours.dark(rng) * np.float32(0.5)),
+            Plain(colors.dark(rng) * np.float32(0.5)),
         )
     )
     perch_z = 0.68 * eaves - hole - 0.02
@@ -88,7 +88,7 @@ def cap(rng: np.random.Generator) -> Shape:
     dome = lathe([*outside[:-1], (0, height), *[(r, z) for r, z in inside[::-1][1:]], outside[0]], 30, squash)
     crown = finishes.cloth(rng)
     if rng.random() < 0.35:
-        pair = np.stack([colours.any_colour(rng), colours.any_colour(rng)])
+        pair = np.stack([colors.any_color(rng), colors.any_color(rng)])
         crown = Stripes(pair, None, 2 * np.pi / 3, rng.random(), gloss=0.0)
     if rng.random() < 0.4:
         logo = prints.label(rng, 96, 64) if rng.random() < 0.5 else prints.pattern(rng, 96, 64)
@@ -135,12 +135,12 @@ def helmet(rng: np.random.Generator) -> Shape:
     main = finishes.plastic(rng)
     texture: Texture = main
     if rng.random() < 0.4:
-        pair = np.stack([colours.any_colour(rng), colours.any_colour(rng)])
+        pair = np.stack([colors.any_color(rng), colors.any_color(rng)])
         texture = Stripes(
             pair, np.array([1, 0, 0], dtype=np.float32), rng.uniform(0.6, 1.3) * radius, rng.random(), gloss=0.5
         )
     elif rng.random() < 0.3:
-        pair = np.stack([colours.any_colour(rng), colours.any_colour(rng)])
+        pair = np.stack([colors.any_color(rng), colors.any_color(rng)])
         texture = Speckled(pair, (0.03, 0.03, 0.03), 0.8, finishes.seed_of(rng), gloss=0.2)
     parts = [Part("shell", shell, texture)]
     trim = finishes.plastic(rng)
@@ -196,7 +196,7 @@ def helmet(rng: np.random.Generator) -> Shape:
                 ]
                 panes.append(hull(corners))
         glass = joined(panes)
-        parts.append(Part("visor", glass, Plain(colours.dark(rng), 0.0, gloss=0.9)))
+        parts.append(Part("visor", glass, Plain(colors.dark(rng), 0.0, gloss=0.9)))
     else:
         for s in (-1, 0, 1):
             path = arc(
@@ -225,7 +225,7 @@ def knife(rng: np.random.Generator) -> Shape:
     outline = [(0, -deep / 2), (0, deep / 2), (knee * blade, deep / 2), (blade, tip), (0.95 * knee * blade, -deep / 2)]
     middle = grip_thick / 2
     points = [(x, y, middle + s * thick / 2 * (1.0 if y > 0 else 0.25)) for x, y in outline for s in (-1, 1)]
-    steel = Plain(colours.rgb(0.78, 0.79, 0.81), 0.05, 0.01, finishes.seed_of(rng), gloss=0.9)
+    steel = Plain(colors.rgb(0.78, 0.79, 0.81), 0.05, 0.01, finishes.seed_of(rng), gloss=0.9)
     grip: Texture = finishes.wooden(rng, 0) if rng.random() < 0.5 else finishes.plastic(rng)
     bow = rng.uniform(-0.2, 0.2) * grip_deep
     back = np.array([[-0.004, 0, middle], [-0.5 * grip_length, bow, middle], [-grip_length, 1.3 * bow, middle]])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sgbd.sources.synthetic import colours, finishes, prints
+from sgbd.sources.synthetic import colors, finishes, prints
 from sgbd.sources.synthetic.meshes import box, lathe
 from sgbd.sources.synthetic.shapes.part import Part, Shape, assemble, solid_box, solid_cylinder
 from sgbd.sources.synthetic.textures import Plain, Printed, Texture
@@ -15,7 +15,7 @@ def carton(rng: np.random.Generator) -> Shape:
     height = float(np.exp(rng.uniform(np.log(0.07), np.log(0.32))))
     width = height * rng.uniform(0.45, 1.0)
     depth = float(np.exp(rng.uniform(np.log(0.02), np.log(min(width, 0.14)))))
-    texture: Texture = Plain(colours.any_colour(rng), 0.03, 0.02, finishes.seed_of(rng), gloss=rng.uniform(0, 0.3))
+    texture: Texture = Plain(colors.any_color(rng), 0.03, 0.02, finishes.seed_of(rng), gloss=rng.uniform(0, 0.3))
     if rng.random() < 0.8:
         front, side = prints.label(rng, 192, 256), prints.label(rng, 96, 256)
         for face, picture, half in (

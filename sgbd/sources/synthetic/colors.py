@@ -7,70 +7,70 @@ import colorsys
 import numpy as np
 import numpy.typing as npt
 
-Colour = npt.NDArray[np.float32]
+Color = npt.NDArray[np.float32]
 
 _WOODS = ((0.80, 0.66, 0.48), (0.68, 0.50, 0.33), (0.52, 0.34, 0.20), (0.38, 0.25, 0.16), (0.87, 0.77, 0.62))
 _METALS = ((0.72, 0.73, 0.75), (0.58, 0.59, 0.61), (0.80, 0.79, 0.76), (0.62, 0.53, 0.40))
 
 
-def rgb(red: float, green: float, blue: float) -> Colour:
+def rgb(red: float, green: float, blue: float) -> Color:
     """Return a colour of given components, 0 to 1."""
     return np.array([red, green, blue], dtype=np.float32)
 
 
-def _near(rng: np.random.Generator, base: tuple[float, float, float], spread: float) -> Colour:
+def _near(rng: np.random.Generator, base: tuple[float, float, float], spread: float) -> Color:
     return np.clip(np.asarray(base) + rng.normal(0, spread, 3), 0.03, 0.97).astype(np.float32)
 
 
-def vivid(rng: np.random.Generator) -> Colour:
+def vivid(rng: np.random.Generator) -> Color:
     """Return a saturated colour: packaging, plastic, paint."""
     rgb = colorsys.hsv_to_rgb(rng.random(), rng.uniform(0.4, 0.82), rng.uniform(0.4, 0.85))
     return np.asarray(rgb, dtype=np.float32)
 
 
-def muted(rng: np.random.Generator) -> Colour:
+def muted(rng: np.random.Generator) -> Color:
     """Return a colour of little saturation: cloth, ceramics, walls."""
     rgb = colorsys.hsv_to_rgb(rng.random(), rng.uniform(0.1, 0.45), rng.uniform(0.35, 0.85))
     return np.asarray(rgb, dtype=np.float32)
 
 
-def light(rng: np.random.Generator) -> Colour:
+def light(rng: np.random.Generator) -> Color:
     """Return a near-white colour."""
     return _near(rng, (0.87, 0.86, 0.84), 0.03)
 
 
-def dark(rng: np.random.Generator) -> Colour:
+def dark(rng: np.random.Generator) -> Color:
     """Return a near-black colour."""
     grey = rng.uniform(0.08, 0.22)
     return _near(rng, (grey, grey, grey), 0.015)
 
 
-def grey(rng: np.random.Generator) -> Colour:
+def grey(rng: np.random.Generator) -> Color:
     """Return a neutral colour between black and white."""
     value = rng.uniform(0.3, 0.7)
     return _near(rng, (value, value, value), 0.015)
 
 
-def metal(rng: np.random.Generator) -> Colour:
+def metal(rng: np.random.Generator) -> Color:
     """Return the colour of a metal."""
     return _near(rng, _METALS[rng.integers(len(_METALS))], 0.02)
 
 
-def wood(rng: np.random.Generator) -> Colour:
+def wood(rng: np.random.Generator) -> Color:
     """Return the colour of a wood."""
     return _near(rng, _WOODS[rng.integers(len(_WOODS))], 0.03)
 
 
-def any_colour(rng: np.random.Generator) -> Colour:
+def any_color(rng: np.random.Generator) -> Color:
     """Return a colour an object may have: often vivid, sometimes light, dark, grey or muted."""
     kinds = (vivid, muted, light, dark, grey)
     return kinds[rng.choice(len(kinds), p=(0.42, 0.22, 0.16, 0.12, 0.08))](rng)
 
 
-def contrasting(rng: np.random.Generator, other: Colour, least: float = 0.35) -> Colour:
+def contrasting(rng: np.random.Generator, other: Color, least: float = 0.35) -> Color:
     """Return a colour that can be told from another one."""
     for _ in range(20):
-        colour = any_colour(rng)
-        if float(np.abs(colour - other).max()) >= least:
-            return colour
+        color = any_color(rng)
+        if float(np.abs(color - other).max()) >= least:
+            return color
     return light(rng) if float(other.mean()) < 0.5 else dark(rng)
