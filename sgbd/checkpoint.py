@@ -342,7 +342,8 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
         what = "is a folder" if path.is_dir() else "does not exist"
         raise CheckpointError(
             f"{path} {what}; expected the file of a trained model, such as outputs/.../checkpoint.safetensors. "
-            "Train one with python -m sgbd.train."
+            "Train one with python -m sgbd.train, or use the model that comes with the package: "
+            f"checkpoint={PRETRAINED}, or Segmenter.pretrained()."
         )
     try:
         with safetensors.safe_open(path, framework="pt") as file:

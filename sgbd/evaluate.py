@@ -65,6 +65,7 @@ def _score_label_images(config: DictConfig) -> None:
         progress=True,
     )
     out = output_folder()
+    OmegaConf.save(config, out / "config.yaml")
     write_evaluation(found.evaluation, out)
     left_out = f" ({len(found.left_out)} more left out, see above)" if found.left_out else ""
     count = len(found.failures)

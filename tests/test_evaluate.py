@@ -38,6 +38,7 @@ def test_label_images_of_another_system(
     assert table["unaided_overlap_f_measure"]["scene6"] < 0.6
     scores = json.loads((tmp_path / "all/scores.json").read_text())
     assert scores["unaided/f75"] == 0.5
+    assert f"predictions: {label_images}" in (tmp_path / "all/config.yaml").read_text(), "what was scored on what"
     assert "2 frames of test, per cent" in capsys.readouterr().out
     (label_images / "scene6_labels.png").unlink()
     assert command("evaluate", *here, "hydra.run.dir=one") == 0
