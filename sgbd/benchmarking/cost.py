@@ -18,7 +18,7 @@ from sgbd.benchmarking.fresh_process import in_fresh_process, save_frames
 from sgbd.benchmarking.report import Report
 from sgbd.benchmarking.stages import STAGES, segment_in_stages
 from sgbd.benchmarking.timing import Stopwatch
-from sgbd.checkpoint import find_checkpoint
+from sgbd.checkpoint import Checkpoint, find_checkpoint
 from sgbd.configuration import ConfigurationError
 from sgbd.frame import MILLIMETRES
 from sgbd.segmenter import Segmenter
@@ -76,7 +76,7 @@ def measure_costs(
             rows.append(
                 {
                     "method": name,
-                    **(_size(config, name, model) if model else {"parameters": 0, "kilobytes": 0.0}),
+                    **(_size(config, name) if model else {"parameters": 0, "kilobytes": 0.0}),
                     **_times(watches[name], before, after),
                     "peak_mib": _peak(config, name, frames, model is not None),
                 }
@@ -143,11 +143,18 @@ def _times(stopwatch: Stopwatch, before: tuple[str, ...], after: tuple[str, ...]
     }
 
 
-def _size(config: DictConfig, name: str, segmenter: Segmenter) -> dict[str, Any]:
-    modules = [module for module in (segmenter.model, segmenter.objectness) if module is not None]
+def count_parameters(checkpoint: Checkpoint) -> int:
+    """Return the number of trained values in a checkpoint, all stages and objectness heads together."""
+    modules = [module for module in (checkpoint.model, checkpoint.objectness) if module is not None]
+    own = sum(parameter.numel() for module in modules for parameter in module.parameters())
+    return own + (0 if checkpoint.first_stage is None else count_parameters(checkpoint.first_stage))
+
+
+def _size(config: DictConfig, name: str) -> dict[str, Any]:
+    path = find_checkpoint(config.checkpoints[name], config.output_dir)
     return {
-        "parameters": sum(parameter.numel() for module in modules for parameter in module.parameters()),
-        "kilobytes": find_checkpoint(config.checkpoints[name], config.output_dir).stat().st_size / 1000,
+        "parameters": count_parameters(Checkpoint.load(path, tuple(config.trust))),
+        "kilobytes": path.stat().st_size / 1000,
     }
 
 
