@@ -18,6 +18,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
+from sgbd.misspelt_keys import suggestions
 from sgbd.processors import usable_processors
 
 INTERRUPTED = 130
@@ -105,6 +106,12 @@ def entry_point(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Cal
                 launch()
             except KeyboardInterrupt:
                 sys.exit(INTERRUPTED)
+            except SystemExit as end:
+                # Before the job began: Hydra has refused an argument, and advises to add what may be misspelt.
+                if end.code and not HydraConfig.initialized():
+                    for suggestion in suggestions(config_folder(), config_name, sys.argv[1:]):
+                        print(suggestion, file=sys.stderr)
+                raise
 
         return run
 

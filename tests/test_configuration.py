@@ -336,6 +336,19 @@ def test_a_wrong_choice_lists_the_choices(program):
     assert "Traceback" not in stderr
 
 
+def test_help_says_where_the_keys_are_explained(program):
+    stdout, _ = program("--help").communicate(timeout=300)
+    assert f"{config_folder()}/program.yaml and the files of the options beside it explain the keys." in stdout
+
+
+def test_a_misspelt_key_is_told_with_the_nearest_one(program):
+    process = program("superpixel=slic_fast")
+    _, stderr = process.communicate(timeout=300)
+    assert process.returncode == 1
+    assert "superpixel is no key of this command; did you mean superpixels?" in stderr
+    assert "Traceback" not in stderr
+
+
 def test_ctrl_c_ends_with_130(program):
     process = program()
     assert process.stdout.readline() == "ready\n"
