@@ -1,0 +1,110 @@
+"""Turn evaluations of the same checkpoints with several partitions into the page experiments/ablate_partition.md.
+
+    python -m sgbd.evaluate -m partition=components,multicut,… \\
+        "checkpoint='outputs/sweeps/ablate_models/model=mlp/seed=0','…/seed=1',…"
+    python experiments/publish_partitions.py outputs/evaluate/<time> --command "…" [--note "…"]
+
+Checkpoints whose folders differ in their last component (the seed) only are one row. Nothing is computed anew, and what
+stands below the line `<!-- remarks -->` of a page that is there already is kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from omegaconf import OmegaConf
+from publish import SHOWN
+from remarks import with_remarks
+
+HERE = Path(__file__).resolve().parent
+NAME = "ablate_partition"
+
+
+def option_of(partition: Any) -> str:
+    """Return the name of the option in conf/partition that a partitioner's configuration is.
+
+    Args:
+        partition: The configuration.
+
+    Raises:
+        SystemExit: If it is none of them.
+    """
+    for path in sorted((HERE.parent / "conf/partition").glob("*.yaml")):
+        if OmegaConf.load(path) == partition:
+            return path.stem
+    raise SystemExit(f"no file of conf/partition is {OmegaConf.to_container(partition)}")
+
+
+def read(folders: Sequence[Path]) -> pd.DataFrame:
+    """Read evaluations.
+
+    Args:
+        folders: Folders of multiruns of `python -m sgbd.evaluate`.
+
+    Returns:
+        A row each evaluation: `trained` (the checkpoint's folder but for the seed), `seed`, `partition` and all scores.
+    """
+    rows = []
+    for path in sorted(path for folder in folders for path in folder.glob("*/config.yaml")):
+        config = OmegaConf.load(path)
+        checkpoint = Path(config.checkpoint)
+        scores = json.loads((path.parent / "scores.json").read_text())
+        rows.append(
+            {
+                "trained": checkpoint.parent.name,
+                "seed": checkpoint.name,
+                "partition": option_of(config.partition),
+                **{key: float("nan") if value is None else value for key, value in scores.items()},
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def page(evaluations: pd.DataFrame, command: str, note: str) -> str:
+    """Return the page.
+
+    Args:
+        evaluations: As of `read`.
+        command: What made them.
+        note: A sentence on the circumstances.
+    """
+    groups = evaluations.groupby(["trained", "partition"], sort=False)
+    rows = []
+    for (trained, partition), group in groups:
+        row: dict[str, Any] = {"trained": trained, "partition": partition, "seeds": str(len(group))}
+        for score, title in SHOWN.items():
+            if score in group:
+                spread = f" ± {100 * group[score].std(ddof=1):.1f}" if len(group) > 1 else ""
+                row[title] = f"{100 * group[score].mean():.1f}{spread}"
+        rows.append(row)
+    lines = [
+        f"# {NAME}",
+        f'```sh\n{command}\npython experiments/publish_partitions.py outputs/evaluate/<time> … --command "…"\n```',
+        note,
+        "Per cent; mean ± sample standard deviation over the trainings.",
+        pd.DataFrame(rows).to_markdown(index=False, disable_numparse=True),
+    ]
+    return "\n\n".join(line for line in lines if line) + "\n"
+
+
+def main() -> None:
+    """Write the page and its table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folders", type=Path, nargs="+", help="folders of multiruns of python -m sgbd.evaluate")
+    parser.add_argument("--command", required=True, help="the command that made them, as others would type it")
+    parser.add_argument("--note", default="", help="a sentence on the circumstances")
+    arguments = parser.parse_args()
+    evaluations = read(arguments.folders)
+    target = HERE / f"{NAME}.md"
+    target.write_text(with_remarks(page(evaluations, arguments.command, arguments.note), target))
+    evaluations.to_csv(HERE / f"{NAME}.csv", index=False)
+    print(target.read_text())
+
+
+if __name__ == "__main__":
+    main()
