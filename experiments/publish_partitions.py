@@ -50,7 +50,8 @@ def read(folders: Sequence[Path]) -> pd.DataFrame:
         A row each evaluation: `trained` (the checkpoint's folder but for the seed), `seed`, `partition` and all scores.
     """
     rows = []
-    for path in sorted(path for folder in folders for path in folder.glob("*/config.yaml")):
+    jobs = [job for folder in folders for job in sorted(folder.glob("[0-9]*"), key=lambda job: int(job.name))]
+    for path in [job / "config.yaml" for job in jobs]:
         config = OmegaConf.load(path)
         checkpoint = Path(config.checkpoint)
         scores = json.loads((path.parent / "scores.json").read_text())
