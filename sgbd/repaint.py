@@ -19,13 +19,14 @@ def repaint(label_map: LabelMap, names: npt.NDArray[np.integer]) -> LabelMap:
     Returns:
         int32 [H, W].
     """
-    names = np.ascontiguousarray(names, np.int32)
-    if not HAS_NUMBA:
-        return names[label_map]
-    if label_map.size and int(label_map.max()) >= len(names):
-        raise IndexError(f"there are {len(names)} new ids, but the label map has the id {int(label_map.max())}")
-    painted = np.empty(label_map.shape, np.int32)
-    _repaint(np.ascontiguousarray(label_map).reshape(-1), names, painted.reshape(-1))
+    new: npt.NDArray[np.int32] = np.ascontiguousarray(names, np.int32)
+    if label_map.size and int(label_map.max()) >= len(new):
+        raise IndexError(f"there are {len(new)} new ids, but the label map has the id {int(label_map.max())}")
+    painted: LabelMap = np.empty(label_map.shape, np.int32)
+    if HAS_NUMBA:
+        _repaint(np.ascontiguousarray(label_map).reshape(-1), new, painted.reshape(-1))
+    else:
+        painted[...] = new[label_map]
     return painted
 
 

@@ -64,10 +64,9 @@ def side_by_side(jobs: Sequence[Callable[[], Result]], threads: int) -> list[Res
     pool = _helpers(min(threads, len(jobs)) - 1)
     futures = [pool.submit(job) for job in jobs[1:]]
     try:
-        results = [
-            jobs[0](),
-            *(job() if future.cancel() else future for job, future in zip(jobs[1:], futures, strict=True)),
-        ]
+        results: list[Result | Future[Result]] = [jobs[0]()]
+        for job, future in zip(jobs[1:], futures, strict=True):
+            results.append(job() if future.cancel() else future)
     finally:
         # After an error, too, nobody works on in arrays that the caller takes for its own again.
         for future in futures:

@@ -60,8 +60,13 @@ class PeakMemory:
 
     def _watch(self) -> None:
         while not self._done.wait(self.INTERVAL):
-            for process in self.processes():
-                with contextlib.suppress(psutil.Error):  # it has just ended
-                    held = process.memory_full_info()
-                    self.resident_mib = max(held.rss / MEBIBYTE, self.resident_mib or 0.0)
-                    self.own_mib = max(held.uss / MEBIBYTE, self.own_mib or 0.0)
+            self._look()
+        # What ends before the first look is seen, too.
+        self._look()
+
+    def _look(self) -> None:
+        for process in self.processes():
+            with contextlib.suppress(psutil.Error):  # it has just ended
+                held = process.memory_full_info()
+                self.resident_mib = max(held.rss / MEBIBYTE, self.resident_mib or 0.0)
+                self.own_mib = max(held.uss / MEBIBYTE, self.own_mib or 0.0)

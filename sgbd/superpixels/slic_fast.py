@@ -141,7 +141,7 @@ class FastSlic(Slic):
         """
         if not HAS_NUMBA:
             return super().__call__(frame)
-        return self._segment(frame, partial(side_by_side, threads=self.thread_count))
+        return self._segment(frame, lambda jobs: side_by_side(jobs, self.thread_count))
 
     def _segment(self, frame: Frame, run: Run) -> LabelMap:
         """Take the steps of the method one after the other; `run` does the jobs of one step side by side."""
