@@ -22,11 +22,13 @@ import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap, Pairs
 from sgbd.checkpoint import Checkpoint, CheckpointError
+from sgbd.compiled import compiled
 from sgbd.features import NODE_NAMES
 from sgbd.frame import Frame
 from sgbd.graph import as_data
 from sgbd.graph_arrays import GraphArrays, graph_arrays
 from sgbd.partition import GreedyMulticut
+from sgbd.repaint import repaint
 from sgbd.segmentation import Classification, classify
 from sgbd.segmenter import Segmenter
 from sgbd.torch_threads import torch_threads
@@ -186,7 +188,7 @@ class AgglomeratedGraph:
         pixels = np.bincount(segment, area, count).astype(np.int64)
         objectness = np.bincount(segment, area * said.objectness, count) / pixels
 
-        coarse_map = segment.astype(np.int32)[label_map]
+        coarse_map = repaint(label_map, segment)
         samples = Samples(frame, coarse_map, count)
         objects = np.nonzero((objectness >= self.min_objectness) & (pixels >= self.min_area))[0]
 
@@ -231,32 +233,67 @@ class Samples:
     """
 
     def __init__(self, frame: Frame, label_map: LabelMap, count: int) -> None:
-        start = STRIDE // 2
-        grid = np.s_[start::STRIDE, start::STRIDE]
-        owner, depth = label_map[grid].ravel(), frame.depth[grid].ravel().astype(np.float64)
-        places = np.mgrid[start : frame.height : STRIDE, start : frame.width : STRIDE]
-        rows, columns = (axis.ravel().astype(np.float64) for axis in places)
-        pixels = np.maximum(np.bincount(owner, minlength=count), 1)
-
-        def mean(values: Floats) -> Floats:
-            return np.bincount(owner, values, count) / pixels
-
-        self.center = np.stack([mean(columns), mean(rows)], axis=1)
-        moments = [mean(columns * columns), mean(columns * rows), mean(rows * rows)]
-        products = [self.center[:, 0] ** 2, self.center[:, 0] * self.center[:, 1], self.center[:, 1] ** 2]
-        xx, xy, yy = (moment - product for moment, product in zip(moments, products, strict=True))
+        camera = np.array([frame.camera.fx, frame.camera.fy, frame.camera.cx, frame.camera.cy])
+        sums, histogram = np.zeros((count, _SUMS)), np.zeros((count, BINS**3), np.int64)
+        _sample(label_map, frame.depth, frame.rgb, camera, sums, histogram)
+        pixels = np.maximum(sums[:, :1], 1)
+        mean = sums[:, 1:6] / pixels
+        self.center = mean[:, :2].copy()
+        x, y = self.center.T
+        xx, xy, yy = mean[:, 2] - x**2, mean[:, 3] - x * y, mean[:, 4] - y**2
         self.covariance = np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2)
-        camera = frame.camera
-        points = np.stack(
-            [(columns - camera.cx) / camera.fx * depth, (rows - camera.cy) / camera.fy * depth, depth], axis=1
-        )
-        valid = np.bincount(owner, depth > 0, count)
         with np.errstate(invalid="ignore"):
-            self.position = np.stack([np.bincount(owner, axis, count) / valid for axis in points.T], axis=1)
-        level = frame.rgb[grid].reshape(-1, 3).astype(np.int64) * BINS // 256
-        bins = (level[:, 0] * BINS + level[:, 1]) * BINS + level[:, 2]
-        histogram = np.bincount(owner * BINS**3 + bins, minlength=count * BINS**3).reshape(count, BINS**3)
-        self.colors = histogram / pixels[:, None]
+            self.position = sums[:, 7:] / sums[:, 6:7]
+        self.colors = histogram / pixels
+
+
+# Sums over the sampled pixels of a segment: their number, columns, rows, and the products of these; then the number of
+# those with depth, and their X, Y and Z.
+_SUMS = 10
+
+
+@compiled(error_model="numpy")
+def _sample(label_map, depth, rgb, camera, sums, histogram):  # type: ignore[no-untyped-def]
+    """Sum up what `Samples` needs.
+
+    Args:
+        label_map: int32 [H, W].
+        depth: float32 [H, W].
+        rgb: uint8 [H, W, 3].
+        camera: float64 [4], fx, fy, cx, cy.
+        sums: float64 [S, 10] of zeros, written.
+        histogram: int64 [S, 64] of zeros, written: pixels in each bin of colours.
+    """
+    fx, fy, cx, cy = camera
+    for row in range(STRIDE // 2, label_map.shape[0], STRIDE):
+        for column in range(STRIDE // 2, label_map.shape[1], STRIDE):
+            segment, z = np.int64(label_map[row, column]), np.float64(depth[row, column])
+            sums[segment, 0] += 1
+            sums[segment, 1] += column
+            sums[segment, 2] += row
+            sums[segment, 3] += column * column
+            sums[segment, 4] += column * row
+            sums[segment, 5] += row * row
+            sums[segment, 6] += z > 0
+            sums[segment, 7] += (column - cx) / fx * z
+            sums[segment, 8] += (row - cy) / fy * z
+            sums[segment, 9] += z
+            color = 0
+            for k in range(3):
+                color = color * BINS + np.int64(rgb[row, column, k]) * BINS // 256
+            histogram[segment, color] += 1
+
+
+@compiled
+def _depth_range(depth):  # type: ignore[no-untyped-def]
+    """Smallest and largest depth of a frame, and 1 and 1 if all is missing."""
+    nearest, farthest = np.float32(np.inf), np.float32(0)
+    for row in range(depth.shape[0]):
+        for column in range(depth.shape[1]):
+            z = depth[row, column]
+            farthest = max(farthest, z)
+            nearest = min(nearest, z if z > 0 else np.float32(np.inf))
+    return (np.float64(nearest), np.float64(farthest)) if farthest > 0 else (1.0, 1.0)
 
 
 def evidence(
@@ -317,8 +354,7 @@ def sight(frame: Frame, label_map: LabelMap, x: npt.NDArray[np.float32], pairs: 
         farther than the line; a plane between them has none of the last two.
     """
     place = x[:, [NODE_NAMES.index(name) for name in ("centroid_x", "centroid_y", "depth")]].astype(np.float64)
-    known = frame.depth[frame.depth > 0]
-    near, far = (float(known.min()), float(known.max())) if known.size else (1.0, 1.0)
+    near, far = _depth_range(frame.depth)
     depth = np.maximum(near + place[:, 2] * (far - near), 1e-3)
     column, row = place[:, 0] * frame.width, place[:, 1] * frame.height
     step = (np.arange(1, SIGHT_POINTS) / SIGHT_POINTS)[None]

@@ -35,6 +35,7 @@ from sgbd.metrics import (
     summarize,
 )
 from sgbd.partition import Partitioner
+from sgbd.repaint import repaint
 from sgbd.segmentation import ObjectRule, Segments, classify, partition_graph
 from sgbd.torch_threads import torch_threads
 
@@ -214,9 +215,9 @@ class Evaluator:
             label_map, instances = unpack(data.label_map, size), unpack(data.truth_map, size)
             truth = contours(instances, table.instances[table.instances >= FIRST_OBJECT])
             judged = np.union1d(objects_by_contact(table), np.nonzero(segments.is_object)[0])
-            prediction = contours(segments.segment.astype(np.int32)[label_map], judged, instances)
+            prediction = contours(repaint(label_map, segments.segment), judged, instances)
             judged = np.union1d(objects_by_contact(oracle), objects_by_label(oracle))
-            oracle_prediction = contours(best.astype(np.int32)[label_map], judged, instances)
+            oracle_prediction = contours(repaint(label_map, best), judged, instances)
         pairs = data.edge_label_index.numpy()
         merged = segments.segment[pairs[0]] == segments.segment[pairs[1]]
         names = list(category_names)

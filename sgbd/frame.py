@@ -165,23 +165,27 @@ def _checked_depth(depth: npt.ArrayLike, shape: tuple[int, ...], label: str) -> 
             f"{label}: depth has 8 bits a pixel, too few for distances. Give uint16 millimetres or float metres."
         )
     if np.issubdtype(array.dtype, np.integer):
-        metres = array.astype(np.float32) * np.float32(MILLIMETRES)
+        metres = np.multiply(array, np.float32(MILLIMETRES), dtype=np.float32)
     elif np.issubdtype(array.dtype, np.floating):
         metres = array.astype(np.float32)
     else:
         raise FrameError(f"{label}: depth must be uint16 millimetres or float metres; got {array.dtype}")
-    valid = np.isfinite(metres) & (metres > 0)
-    if not valid.any():
+    # NaN compares as neither. Unsigned integers are never anything else than missing or valid.
+    valid = metres > 0 if array.dtype.kind == "u" else (metres > 0) & (metres < np.inf)
+    count = np.count_nonzero(valid)
+    if not count:
         raise FrameError(
             f"{label}: every depth value is missing (0, negative, NaN or infinite). "
             "Check the sensor stream and the unit: floats are metres, integers millimetres."
         )
-    if 2 * np.count_nonzero(valid & (metres > FARTHEST)) > np.count_nonzero(valid):
+    if array.dtype != np.uint16 and 2 * np.count_nonzero(valid & (metres > FARTHEST)) > count:
         raise FrameError(
             f"{label}: the median depth is {float(np.median(metres[valid])):.0f} m. "
             "Floats are taken as metres: divide millimetres by 1000."
         )
-    return np.ascontiguousarray(np.where(valid, metres, np.float32(0)))
+    if count < metres.size and array.dtype.kind != "u":
+        metres[~valid] = 0
+    return np.ascontiguousarray(metres)
 
 
 def _checked_instances(instances: npt.ArrayLike, shape: tuple[int, ...], label: str) -> npt.NDArray[np.int32]:

@@ -7,6 +7,7 @@ elsewhere and against which the tests hold the loops.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy.typing as npt
 from sgbd.adjacency import LabelMap, Pairs
 from sgbd.compiled import HAS_NUMBA, compiled
 from sgbd.frame import Frame
+from sgbd.side_by_side import side_by_side, thread_count
 
 # Columns of the sums over a region's pixels. Those from VALID on count only pixels with depth.
 PIXELS, RGB, RGB_SQUARED, ROW, COLUMN, VALID, XYZ, XYZ_SQUARED = 0, 1, 4, 7, 8, 9, 10, 13
@@ -100,51 +102,65 @@ def _sums(
     if not HAS_NUMBA:
         regions = sum_regions_numpy(label_map, rgb, depth, camera, count)
         return *regions, *sum_borders_numpy(label_map, rgb, depth, count)
+    regions = np.zeros((count, SUMS))
+    # The first two write columns of their own, and every sum is taken by one thread, in one order.
+    depth_range, _, borders = side_by_side(
+        [
+            partial(_sum_depths, label_map, depth, camera, regions),
+            partial(_sum_colors, label_map, rgb, regions),
+            partial(_borders, label_map, rgb, depth, count),
+        ],
+        thread_count(),
+    )
+    return regions, depth_range, *borders
+
+
+def _borders(
+    label_map: LabelMap, rgb: npt.NDArray[np.uint8], depth: npt.NDArray[np.float32], count: int
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
     limit = BORDERS_PER_REGION * count
     while True:
-        *sums, used = _sums_compiled(label_map, rgb, depth, camera, count, limit)
+        keys, sums, used = _sum_borders(label_map, rgb, depth, count, limit)
         if used <= limit:
-            return sums
+            return keys, sums
         limit *= 4
 
 
+@compiled
+def _find_borders(ids, ids_below, right, down):  # type: ignore[no-untyped-def]
+    """Find where a step to the right, or down, leads into another superpixel, without a branch.
+
+    Args:
+        ids: int32 [W], a row of the label map.
+        ids_below: int32 [W], the row below it; [0] for the last row.
+        right: int64 [W], written: the columns before such a step to the right.
+        down: int64 [W], written: the columns above such a step down.
+
+    Returns:
+        How many there are of both.
+    """
+    rights = downs = 0
+    for column in range(len(ids) - 1):
+        right[rights] = column
+        rights += ids[column] != ids[column + 1]
+    for column in range(len(ids_below)):
+        down[downs] = column
+        downs += ids[column] != ids_below[column]
+    return rights, downs
+
+
 @compiled(fastmath={"reassoc", "contract", "nsz"})
-def _sums_compiled(label_map, rgb, depth, camera, count, limit):  # type: ignore[no-untyped-def]
-    """Sum over regions and borders in one pass; a number of borders above `limit` says that they did not fit."""
+def _sum_colors(label_map, rgb, regions):  # type: ignore[no-untyped-def]
+    """Sum up the columns of `Regions.sums` before VALID: whole numbers and halves, exact in any order."""
     height, width = label_map.shape
-    regions = np.zeros((count, SUMS))
-    fx, fy, cx, cy = camera
-    x_slopes = (np.arange(width) - cx) / fx
-    nearest, farthest = np.inf, 0.0
-
-    # An open-addressing hash table from the keys of borders to rows of their sums, at most half full.
-    capacity = 16
-    while capacity < 2 * limit:
-        capacity *= 2
-    table = np.full(capacity, -1)
-    keys, borders = np.empty(limit, np.int64), np.zeros((limit, BORDER_SUMS))
-    used = 0
-    last_key, border = np.int64(-1), 0
-    right, down = np.empty(width, np.int64), np.empty(width, np.int64)
+    right, down = np.empty(width, np.int64), np.empty(1, np.int64)
     for row in range(height):
-        # Where a step to the right, or down, leads into another superpixel, found without a branch.
-        rights = downs = 0
-        for column in range(width - 1):
-            right[rights] = column
-            rights += label_map[row, column] != label_map[row, column + 1]
-        if row + 1 < height:
-            for column in range(width):
-                down[downs] = column
-                downs += label_map[row, column] != label_map[row + 1, column]
-
-        # Pixels of one superpixel come in runs: sum a run in registers, then add it once. Missing depth is 0 and adds
-        # nothing but to the count; Y is y_slope * Z throughout the row, so that its sums need no loop.
-        y_slope = (row - cy) / fy
+        rights, _ = _find_borders(label_map[row], label_map[row, :0], right, down)
+        # Pixels of one superpixel come in runs: sum a run in registers, then add it once.
         first = 0
         for run in range(rights + 1):
             last = right[run] if run < rights else width - 1
-            red = green = blue = red_squared = green_squared = blue_squared = valid = 0
-            x_sum = z_sum = xx_sum = xz_sum = zz_sum = 0.0
+            red = green = blue = red_squared = green_squared = blue_squared = 0
             for column in range(first, last + 1):
                 r, g, b = int(rgb[row, column, 0]), int(rgb[row, column, 1]), int(rgb[row, column, 2])
                 red += r
@@ -153,17 +169,6 @@ def _sums_compiled(label_map, rgb, depth, camera, count, limit):  # type: ignore
                 red_squared += r * r
                 green_squared += g * g
                 blue_squared += b * b
-            for column in range(first, last + 1):
-                z = np.float64(depth[row, column])
-                x = x_slopes[column] * z
-                valid += int(z > 0)
-                x_sum += x
-                z_sum += z
-                xx_sum += x * x
-                xz_sum += x * z
-                zz_sum += z * z
-                farthest = max(farthest, z)
-                nearest = min(nearest, z if z > 0 else np.inf)
             length = last + 1 - first
             region = label_map[row, first]
             regions[region, PIXELS] += length
@@ -175,6 +180,39 @@ def _sums_compiled(label_map, rgb, depth, camera, count, limit):  # type: ignore
             regions[region, RGB_SQUARED + 2] += blue_squared
             regions[region, ROW] += row * length
             regions[region, COLUMN] += length * (first + last) / 2
+            first = last + 1
+
+
+@compiled(fastmath={"reassoc", "contract", "nsz"})
+def _sum_depths(label_map, depth, camera, regions):  # type: ignore[no-untyped-def]
+    """Sum up the columns of `Regions.sums` from VALID on, and return the smallest and largest depth."""
+    height, width = label_map.shape
+    fx, fy, cx, cy = camera
+    x_slopes = (np.arange(width) - cx) / fx
+    nearest, farthest = np.inf, 0.0
+    right, down = np.empty(width, np.int64), np.empty(1, np.int64)
+    for row in range(height):
+        rights, _ = _find_borders(label_map[row], label_map[row, :0], right, down)
+        # Missing depth is 0 and adds nothing but to the count; Y is y_slope * Z throughout the row, so that its sums
+        # need no loop.
+        y_slope = (row - cy) / fy
+        first = 0
+        for run in range(rights + 1):
+            last = right[run] if run < rights else width - 1
+            valid = 0
+            x_sum = z_sum = xx_sum = xz_sum = zz_sum = 0.0
+            for column in range(first, last + 1):
+                z = np.float64(depth[row, column])
+                x = x_slopes[column] * z
+                valid += int(z > 0)
+                x_sum += x
+                z_sum += z
+                xx_sum += x * x
+                xz_sum += x * z
+                zz_sum += z * z
+                farthest = max(farthest, z)
+                nearest = min(nearest, z if z > 0 else np.inf)
+            region = label_map[row, first]
             regions[region, VALID] += valid
             regions[region, XYZ] += x_sum
             regions[region, XYZ + 1] += y_slope * z_sum
@@ -186,7 +224,25 @@ def _sums_compiled(label_map, rgb, depth, camera, count, limit):  # type: ignore
             regions[region, XYZ_SQUARED + 4] += y_slope * zz_sum
             regions[region, XYZ_SQUARED + 5] += zz_sum
             first = last + 1
+    return (nearest if farthest > 0 else 0.0), farthest
 
+
+@compiled(fastmath={"reassoc", "contract", "nsz"})
+def _sum_borders(label_map, rgb, depth, count, limit):  # type: ignore[no-untyped-def]
+    """Sum over borders; a number of borders above `limit` says that they did not fit."""
+    height, width = label_map.shape
+    # An open-addressing hash table from the keys of borders to rows of their sums, at most half full.
+    capacity = 16
+    while capacity < 2 * limit:
+        capacity *= 2
+    table = np.full(capacity, -1)
+    keys, borders = np.empty(limit, np.int64), np.zeros((limit, BORDER_SUMS))
+    used = 0
+    last_key, border = np.int64(-1), 0
+    right, down = np.empty(width, np.int64), np.empty(width, np.int64)
+    for row in range(height):
+        below = label_map[row + 1] if row + 1 < height else label_map[row, :0]
+        rights, downs = _find_borders(label_map[row], below, right, down)
         for step in range(rights + downs):
             is_down = step >= rights
             column = down[step - rights] if is_down else right[step]
@@ -202,7 +258,7 @@ def _sums_compiled(label_map, rgb, depth, camera, count, limit):  # type: ignore
                 border = table[slot]
                 if border < 0:
                     if used == limit:
-                        return regions, (nearest, farthest), keys, borders, limit + 1
+                        return keys, borders, limit + 1
                     border = used
                     table[slot] = used
                     keys[used] = key
@@ -220,9 +276,7 @@ def _sums_compiled(label_map, rgb, depth, camera, count, limit):  # type: ignore
                     borders[border, DEPTH_STEP_MIN] = jump
                 borders[border, VALID_PAIRS] += 1
                 borders[border, DEPTH_STEP] += jump
-    if farthest == 0:
-        nearest = 0.0
-    return regions, (nearest, farthest), keys[:used].copy(), borders[:used].copy(), used
+    return keys[:used].copy(), borders[:used].copy(), used
 
 
 def sum_regions_numpy(

@@ -14,6 +14,7 @@ from torch import Tensor, nn
 
 from sgbd.calibration import ScoreCalibration, segment_features
 from sgbd.partition import Partitioner
+from sgbd.repaint import repaint
 
 if TYPE_CHECKING:
     from torch_geometric.data import Data
@@ -238,7 +239,7 @@ def paint(
     number = np.zeros(len(segments.area), np.int32)
     number[objects] = np.arange(1, len(objects) + 1)
     return Segmentation(
-        instances=number[segments.segment][superpixels],
+        instances=repaint(superpixels, number[segments.segment]),
         scores=segments.score[objects],
         objectness=segments.objectness[objects],
         superpixels=superpixels,

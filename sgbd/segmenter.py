@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import numpy.typing as npt
 import torch
 from torch import nn
@@ -22,6 +21,7 @@ from sgbd.graph_tensors import GraphTensors
 from sgbd.node_block import NodeBlock, required_block, split_groups
 from sgbd.own_columns import with_own_columns
 from sgbd.partition import Partitioner
+from sgbd.repaint import repaint
 from sgbd.segmentation import ObjectRule, Segmentation, classify, paint, partition_graph
 from sgbd.superpixels import Superpixels
 from sgbd.torch_threads import torch_threads
@@ -47,7 +47,8 @@ class Segmenter:
         node_block: Takes the place of the recipe's block of node features, for instance where its weights lie elsewhere
             on this machine; not looked at if the model uses none.
         device: Where the networks run.
-        threads: CPU threads of the networks; see `sgbd.torch_threads`.
+        threads: CPU threads of each of the networks' operations; see `sgbd.torch_threads`. With 1, what can be done in
+            pieces is shared out instead (`sgbd.side_by_side`), as it is in superpixels and graphs.
         trust: Names of packages beside `sgbd` whose classes the recipe may name.
 
     Raises:
@@ -224,8 +225,7 @@ def node_map(label_map: LabelMap, data: Data | GraphTensors) -> LabelMap:
     node_of_superpixel = getattr(data, "node_of_superpixel", None)
     if node_of_superpixel is None:
         return label_map
-    nodes: LabelMap = node_of_superpixel.cpu().numpy().astype(np.int32)[label_map]
-    return nodes
+    return repaint(label_map, node_of_superpixel.cpu().numpy())
 
 
 def _block(features: Mapping[str, Any], given: NodeBlock | None, trust: Sequence[str]) -> NodeBlock | None:

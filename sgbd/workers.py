@@ -18,6 +18,9 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.context import BaseContext
 from typing import Any, TypeVar
 
+from sgbd.processors import usable_processors
+from sgbd.side_by_side import limit_threads
+
 Result = TypeVar("Result")
 
 THREAD_COUNTS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -84,7 +87,7 @@ def _map_in_processes(
     context = _start_method(modules)
     # Without a lock, which a worker that is killed could take with it.
     stop = context.RawValue(ctypes.c_bool, False)
-    pool = ProcessPoolExecutor(workers, context, initializer=_start_worker, initargs=(message, stop))
+    pool = ProcessPoolExecutor(workers, context, initializer=_start_worker, initargs=(message, stop, workers))
     in_flight: deque[Future[list[Any]]] = deque()
     try:
         for chunk in chunks:
@@ -166,8 +169,9 @@ _function: Callable[[int], Any]
 _stop: ctypes.c_bool
 
 
-def _start_worker(message: bytes, stop: ctypes.c_bool) -> None:
+def _start_worker(message: bytes, stop: ctypes.c_bool, workers: int) -> None:
     global _function, _stop
+    limit_threads(len(usable_processors()) // workers)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _function, _stop = pickle.loads(message), stop

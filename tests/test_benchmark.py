@@ -40,6 +40,7 @@ COLUMNS = {
     "curve_frames": {"frames", "seconds", "cpu_seconds_per_frame"},
     "train": {
         *("graphs", "nodes", "edges", "epochs", "seconds", "cpu_seconds", "median_epoch_seconds", "graphs_per_second"),
+        *("in_memory", "before_mib", "peak_mib"),
     },
     "evaluate": SPREAD | {"stage"},
 }

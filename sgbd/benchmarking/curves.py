@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import fill
 
 from sgbd.benchmarking.report import Report
+
+TITLE_WIDTH = 48
+"""Characters of a line that a panel has room for."""
 
 
 def draw_curves(report: Report, path: Path) -> None:
@@ -31,7 +35,7 @@ def draw_curves(report: Report, path: Path) -> None:
     panels[2].plot([row["frames"] for row in counts.rows], [row["seconds"] for row in counts.rows], marker="o")
     panels[2].set(xlabel="frames", ylabel="seconds")
     for axes, table in zip(panels, (sizes, numbers, counts), strict=True):
-        axes.set_title(table.title, fontsize=9)
+        axes.set_title(fill(table.title, TITLE_WIDTH), fontsize=9)
         axes.set_xlim(left=0)
         axes.set_ylim(bottom=0)
         axes.grid(alpha=0.3)

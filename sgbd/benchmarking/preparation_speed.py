@@ -2,68 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
-import multiprocessing
-import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import psutil
-
-from sgbd.benchmarking.fresh_process import MEBIBYTE
+from sgbd.benchmarking.peak_memory import PeakMemory, worker_processes
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.graph_file import SUFFIX
 from sgbd.preparation import prepare
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameSource
-
-
-class WorkerMemory:
-    """Watches how much memory the worker processes of this process hold at most, while it is entered.
-
-    Attributes:
-        resident_mib: Largest resident memory of any one of them, MiB; None if there was none. What all of them share
-            (the imported libraries, where workers are copies of one process) counts in each.
-        own_mib: Largest memory that one of them shares with no other process, MiB: what one more worker costs.
-    """
-
-    INTERVAL = 0.1
-
-    def __init__(self) -> None:
-        self.resident_mib: float | None = None
-        self.own_mib: float | None = None
-        self._done = threading.Event()
-        self._thread = threading.Thread(target=self._watch, daemon=True)
-
-    def __enter__(self) -> WorkerMemory:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._done.set()
-        self._thread.join()
-
-    def _watch(self) -> None:
-        while not self._done.wait(self.INTERVAL):
-            for worker in _workers():
-                with contextlib.suppress(psutil.Error):  # it has just ended
-                    held = worker.memory_full_info()
-                    self.resident_mib = max(held.rss / MEBIBYTE, self.resident_mib or 0.0)
-                    self.own_mib = max(held.uss / MEBIBYTE, self.own_mib or 0.0)
-
-
-def _workers() -> list[psutil.Process]:
-    """Return the worker processes: children of the server that copies itself, or of this process without one."""
-    children = psutil.Process().children()
-    if "forkserver" not in multiprocessing.get_all_start_methods():
-        return children
-    workers = []
-    for child in children:
-        with contextlib.suppress(psutil.Error):
-            workers += child.children()
-    return workers
 
 
 def measure_preparation(
@@ -85,7 +34,7 @@ def measure_preparation(
     rows = []
     for count in counts:
         cpu, start = time.process_time(), time.time()
-        with WorkerMemory() as memory:
+        with PeakMemory(worker_processes) as memory:
             cache = prepare_frames(source, segmenter, count, folder / f"workers_{count}", progress)
         wall, cpu = time.time() - start, time.process_time() - cpu
         stages = SuperpixelGraphDataset(cache, source.split).statistics()["seconds_per_frame"]

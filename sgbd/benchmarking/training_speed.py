@@ -8,8 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 
 from sgbd.batches import FIELDS
+from sgbd.benchmarking.fresh_process import MEBIBYTE
+from sgbd.benchmarking.peak_memory import PeakMemory, this_process
+from sgbd.benchmarking.repeated_graphs import repeat_graphs
 from sgbd.checkpoint import Checkpoint
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.sampling import EdgeSampler
@@ -39,21 +43,23 @@ def measure_training(
         folder: An empty folder for what training writes.
 
     Returns:
-        The row of a report.
+        The row of a report; memory is what the process holds, before and at most.
     """
     features = checkpoint.recipe["features"]
-    dataset = SuperpixelGraphDataset(cache, split, features["node"], features["edge"], in_memory, FIELDS)
-    repeated = dataset.index_select([number % len(dataset) for number in range(graphs)])
+    repeated = repeat_graphs(cache, split, graphs, folder / "graphs")
+    dataset = SuperpixelGraphDataset(repeated, split, features["node"], features["edge"], in_memory, FIELDS)
     statistics = dataset.statistics()
+    before = psutil.Process().memory_info().rss / MEBIBYTE
     cpu, start = time.process_time(), time.perf_counter()
-    trained = replace(trainer, progress=False).train(
-        checkpoint.model,
-        repeated,
-        sampler=sampler,
-        folder=folder,
-        recipe=checkpoint.recipe,
-        objectness=checkpoint.objectness,
-    )
+    with PeakMemory(this_process) as memory:
+        trained = replace(trainer, progress=False).train(
+            checkpoint.model,
+            dataset,
+            sampler=sampler,
+            folder=folder / "run",
+            recipe=checkpoint.recipe,
+            objectness=checkpoint.objectness,
+        )
     wall, cpu = time.perf_counter() - start, time.process_time() - cpu
     epochs = np.asarray(trained.history["seconds"], float)
     return {
@@ -65,4 +71,7 @@ def measure_training(
         "cpu_seconds": cpu,
         "median_epoch_seconds": float(np.median(epochs)),
         "graphs_per_second": graphs / float(np.median(epochs)),
+        "in_memory": in_memory,
+        "before_mib": before,
+        "peak_mib": memory.resident_mib,
     }

@@ -32,9 +32,6 @@ from sgbd.metrics.overlap import Matching
 RADIUS_SHARE: float = 0.003
 """Radius of the matching disk as a share of the image diagonal."""
 
-# States of a pixel while the outside of a mask is filled: unknown, in the mask, and dealt with.
-_FREE, _MASK, _STOP = 0, 1, 2
-
 
 @dataclass(frozen=True)
 class BoundaryScores:
@@ -192,50 +189,145 @@ def _disk(radius: int) -> NDArray[np.int64]:
 
 @compiled
 def _contours(mask: NDArray[np.int32], count: int) -> NDArray[np.int32]:
-    """Contour of each mask k (the pixels where `mask` is k), by filling its outside within its bounding box."""
+    """Contour of each mask k (the pixels where `mask` is k), by runs of pixels instead of pixel by pixel.
+
+    Between the runs of a mask in a row lie *gaps*: run i, unless it is the first of its row, has gap i before it. What
+    lies before the first run of a row, and behind the last, is outside. A gap is outside if a path of gaps that lie
+    above each other leads there.
+    """
     height, width = mask.shape
-    top = np.full(count, height, dtype=np.int64)
-    bottom = np.full(count, -1, dtype=np.int64)
-    left = np.full(count, width, dtype=np.int64)
-    right = np.full(count, -1, dtype=np.int64)
+    found = np.empty((4, height * width), dtype=np.int32)  # memory that is never written to costs nothing
+    offset = np.zeros(count + 1, dtype=np.int64)
+    total = 0
     for y in range(height):
-        for x in range(width):
-            k = mask[y, x]
+        x = 0
+        while x < width:
+            k, first = mask[y, x], x
+            while x < width and mask[y, x] == k:
+                x += 1
             if k >= 0:
-                top[k] = min(top[k], y)
-                bottom[k] = y
-                left[k] = min(left[k], x)
-                right[k] = max(right[k], x)
+                found[0, total], found[1, total], found[2, total], found[3, total] = k, y, first, x
+                offset[k + 1] += 1
+                total += 1
+    # All runs of a mask one after the other, in raster order.
+    for k in range(count):
+        offset[k + 1] += offset[k]
+    free = offset[:-1].copy()
+    row, start, end = np.empty(total, np.int64), np.empty(total, np.int64), np.empty(total, np.int64)
+    for r in range(total):
+        place = free[found[0, r]]
+        row[place], start[place], end[place] = found[1, r], found[2, r], found[3, r]
+        free[found[0, r]] += 1
 
     contour = np.full((height, width), -1, dtype=np.int32)
+    parent = np.arange(total + 1)
+    outside = total
+    of_row = np.empty(height + 1, dtype=np.int64)
     for k in range(count):
-        if bottom[k] < 0:
+        if offset[k] == offset[k + 1]:
             continue
-        # The box of the mask with a margin of two: one for the outside to flow around the mask, one to stop it, so that
-        # neighbours in the flat array need no check.
-        rows, columns = bottom[k] - top[k] + 5, right[k] - left[k] + 5
-        state = np.full(rows * columns, _STOP, dtype=np.uint8)
-        for y in range(rows - 2):
-            for x in range(columns - 2):
-                v, u = top[k] + y - 1, left[k] + x - 1
-                inside = 0 < y < rows - 3 and 0 < x < columns - 3 and mask[v, u] == k
-                state[(y + 1) * columns + x + 1] = _MASK if inside else _FREE
-        stack = np.empty(rows * columns, dtype=np.int64)
-        stack[0] = columns + 1
-        state[columns + 1] = _STOP
-        size = 1
-        while size > 0:
-            size -= 1
-            here = stack[size]
-            for neighbour in (here - columns, here - 1, here + 1, here + columns):
-                if state[neighbour] == _FREE:
-                    state[neighbour] = _STOP
-                    stack[size] = neighbour
-                    size += 1
-                elif state[neighbour] == _MASK:
-                    state[neighbour] = _STOP
-                    contour[top[k] + neighbour // columns - 2, left[k] + neighbour % columns - 2] = k
+        top, bottom = row[offset[k]], row[offset[k + 1] - 1]
+        # The runs of row y are of_row[y - top] to of_row[y - top + 1] - 1.
+        r = offset[k]
+        for y in range(top, bottom + 2):
+            while r < offset[k + 1] and row[r] < y:
+                r += 1
+            of_row[y - top] = r
+        for y in range(top, bottom + 2):
+            above, here = of_row[max(y - 1 - top, 0)], of_row[y - top]
+            behind = of_row[y - top + 1] if y <= bottom else here
+            _open_gaps(start, end, above, here, here, behind, parent, outside)
+            _open_gaps(start, end, here, behind, above, here, parent, outside)
+            _join_gaps(start, end, above, here, behind, parent)
+        for y in range(top, bottom + 1):
+            above, here, behind = of_row[max(y - 1 - top, 0)], of_row[y - top], of_row[y - top + 1]
+            below = of_row[y - top + 2] if y < bottom else behind
+            for r in range(here, behind):
+                if r == here or _root(parent, r) == _root(parent, outside):
+                    contour[y, start[r]] = k
+                if r == behind - 1 or _root(parent, r + 1) == _root(parent, outside):
+                    contour[y, end[r] - 1] = k
+            _mark(contour, k, y, start, end, here, behind, above, here, parent, outside)
+            _mark(contour, k, y, start, end, here, behind, behind, below, parent, outside)
     return contour
+
+
+@compiled
+def _open_gaps(
+    start: NDArray[np.int64],
+    end: NDArray[np.int64],
+    first: int,
+    last: int,
+    other: int,
+    other_last: int,
+    parent: NDArray[np.int64],
+    outside: int,
+) -> None:
+    """Join the gaps of one row, of the runs `first` to `last` - 1, with the outside if it lies beside them in another.
+
+    The other row, above or below, has the runs `other` to `other_last` - 1; without any it is outside as a whole.
+    """
+    for gap in range(first + 1, last):
+        if other == other_last or end[gap - 1] < start[other] or start[gap] > end[other_last - 1]:
+            parent[_root(parent, gap)] = _root(parent, outside)
+
+
+@compiled
+def _join_gaps(
+    start: NDArray[np.int64], end: NDArray[np.int64], first: int, middle: int, last: int, parent: NDArray[np.int64]
+) -> None:
+    """Join the gaps of one row, of the runs `first` to `middle` - 1, with those of the next that lie beside them."""
+    one, other = first + 1, middle + 1
+    while one < middle and other < last:
+        if end[one - 1] < start[other] and end[other - 1] < start[one]:
+            parent[_root(parent, one)] = _root(parent, other)
+        # The one that ends first meets no further gap.
+        if start[one] < start[other]:
+            one += 1
+        else:
+            other += 1
+
+
+@compiled
+def _mark(
+    contour: NDArray[np.int32],
+    k: int,
+    y: int,
+    start: NDArray[np.int64],
+    end: NDArray[np.int64],
+    first: int,
+    last: int,
+    other: int,
+    other_last: int,
+    parent: NDArray[np.int64],
+    outside: int,
+) -> None:
+    """Mark the pixels of row y that have the outside above or below them, in the row that has the other runs."""
+    gap = other
+    for r in range(first, last):
+        while gap < other_last and start[gap] <= start[r]:
+            gap += 1
+        # The gap before the run `gap` is the first that goes on beyond the start of run r.
+        here = gap
+        while True:
+            begin = end[here - 1] if here > other else -1
+            stop = start[here] if here < other_last else contour.shape[1]
+            if begin >= end[r]:
+                break
+            if here in (other, other_last) or _root(parent, here) == _root(parent, outside):
+                for x in range(max(begin, start[r]), min(stop, end[r])):
+                    contour[y, x] = k
+            if here == other_last:
+                break
+            here += 1
+
+
+@compiled
+def _root(parent: NDArray[np.int64], node: int) -> int:
+    while parent[node] != node:
+        parent[node] = parent[parent[node]]
+        node = parent[node]
+    return node
 
 
 @compiled

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linear_sum_assignment
 
 from sgbd.metrics.contingency import ContingencyTable
 from sgbd.metrics.f_measure import precision_recall_f
@@ -86,6 +85,8 @@ def match_objects(table: ContingencyTable, objects: ArrayLike | None = None) -> 
         objects: labels of the segments that are objects; by default those with labels from 2 on, as in the truth.
             Labels of segments without a pixel of known truth are left out.
     """
+    from scipy.optimize import linear_sum_assignment  # here: segmenting needs the metrics, and does not wait for it
+
     if objects is None:
         objects = objects_by_label(table)
     predicted_objects = np.intersect1d(np.asarray(objects, dtype=np.int64), table.segments)

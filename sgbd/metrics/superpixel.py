@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import maximum_filter
 
 from sgbd.frame import IGNORE
 from sgbd.metrics.contingency import ContingencyTable
@@ -55,6 +54,8 @@ def boundary_recall(label_map: ArrayLike, truth: ArrayLike, tolerance: int | Non
         tolerance: near by is within a square of 2 · tolerance + 1 pixels; by default 0.0025 of the image diagonal,
             rounded (2 for 640 x 480).
     """
+    from scipy.ndimage import maximum_filter  # here: segmenting needs the metrics, and does not wait for it
+
     label_map = as_label_map(label_map, "the label map")
     truth = as_label_map(truth, "the truth", lowest=IGNORE)
     if label_map.shape != truth.shape:

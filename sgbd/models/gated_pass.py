@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
+import numpy.typing as npt
 
 from sgbd.compiled import compiled
+from sgbd.side_by_side import bands, side_by_side, thread_count
+
+Floats = npt.NDArray[np.float32]
 
 # 2 ** f for f from -1/2 to 1/2, as its Taylor series: exact to the rounding of float32.
 _C1, _C2, _C3, _C4, _C5, _C6 = (
@@ -17,10 +23,18 @@ _EPSILON = np.float32(1e-6)
 _BIAS, _MANTISSA = np.int32(127), np.int32(23)  # layout of a float32
 
 
-@compiled(fastmath=True)
-def gated_pass(  # type: ignore[no-untyped-def]
-    projected, edge_terms, nodes, edges, first, neighbours, node_scale, node_shift, edge_scale, edge_shift
-):
+def gated_pass(
+    projected: Floats,
+    edge_terms: Floats,
+    nodes: Floats,
+    edges: Floats,
+    first: npt.NDArray[np.int64],
+    neighbours: npt.NDArray[np.int64],
+    node_scale: Floats,
+    node_shift: Floats,
+    edge_scale: Floats,
+    edge_shift: Floats,
+) -> None:
     """Update the states of nodes and edges in place, as `sgbd.models.gated_gcn.GatedConvolution` does in evaluation.
 
     Args:
@@ -35,11 +49,23 @@ def gated_pass(  # type: ignore[no-untyped-def]
         edge_scale: float32 [C], batch norm of the edges, in the same way.
         edge_shift: float32 [C].
     """
-    count, channels = nodes.shape
+    arrays = (
+        projected, edge_terms, nodes, edges, first, neighbours, node_scale, node_shift, edge_scale, edge_shift
+    )  # fmt: skip
+    threads = thread_count()
+    side_by_side([partial(_update_nodes, *arrays, *band) for band in bands(len(nodes), threads)], threads)
+
+
+@compiled(fastmath=True)
+def _update_nodes(  # type: ignore[no-untyped-def]
+    projected, edge_terms, nodes, edges, first, neighbours, node_scale, node_shift, edge_scale, edge_shift, begin, end
+):
+    """Update the nodes `begin` to `end` - 1, and the edges that lead to them; the rest as of `gated_pass`."""
+    channels = nodes.shape[1]
     weighted, total = np.empty(channels, np.float32), np.empty(channels, np.float32)
     gates, bits = np.empty(channels, np.float32), np.empty(channels, np.int32)
     power = bits.view(np.float32)
-    for centre in range(count):
+    for centre in range(begin, end):
         for c in range(channels):
             weighted[c] = _ZERO
             total[c] = _ZERO

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 
 import torch
@@ -10,6 +11,7 @@ from torch import Tensor, nn
 from torch.nn.functional import batch_norm, dropout, linear
 
 from sgbd.models.in_evaluation import scale_and_shift
+from sgbd.side_by_side import side_by_side, thread_count
 
 EVALUATED_AT_ONCE = 512
 """Rows whose hidden states fit into the second-level cache of common processors."""
@@ -97,7 +99,7 @@ class Perceptron(nn.Module):
         layers.
         """
         layers = self.folded()
-        return torch.cat([_through(layers, rows[block]) for block in _blocks(rows.size(0))])
+        return _in_blocks(rows.size(0), lambda block: _through(layers, rows[block]))
 
     def evaluate_pairs(self, nodes: Tensor, edges: Tensor, pairs: Tensor) -> Tensor:
         """Compute what `evaluate` gives for the rows ``[nodes[pairs[0]], nodes[pairs[1]], edges]``.
@@ -118,21 +120,36 @@ class Perceptron(nn.Module):
         of_source = linear(nodes, weight[:, :width])
         of_target = linear(nodes, weight[:, width : 2 * width], bias)
         of_edge = weight[:, 2 * width :].t()
-        found = []
-        for block in _blocks(pairs.size(1)):
+
+        def evaluate(block: slice) -> Tensor:
             rows = of_source.index_select(0, pairs[0, block])
             rows += of_target.index_select(0, pairs[1, block])
             if edges.size(1):
                 rows.addmm_(edges[block], of_edge)
-            found.append(_through(layers, rows.relu_() if hidden else rows))
-        return torch.cat(found) if found else nodes.new_empty(0, self.out_channels)
+            return _through(layers, rows.relu_() if hidden else rows)
+
+        return _in_blocks(pairs.size(1), evaluate)
 
 
-def _blocks(count: int) -> list[slice]:
-    """Divide rows into blocks; a single one where the operations are traced for any number of rows."""
+def _in_blocks(count: int, evaluate: Callable[[slice], Tensor]) -> Tensor:
+    """Evaluate rows block by block, several at a time; as one block where operations are traced for any number of rows.
+
+    Threads share the blocks out where each operation runs in a single one; the blocks, and with them the rounding, stay
+    the same.
+    """
     if torch.compiler.is_compiling():
-        return [slice(None)]
-    return [slice(start, start + EVALUATED_AT_ONCE) for start in range(0, max(count, 1), EVALUATED_AT_ONCE)]
+        return evaluate(slice(None))
+    inference = torch.is_inference_mode_enabled()
+
+    def in_mode(block: slice) -> Tensor:
+        # Modes are a matter of the thread.
+        with torch.inference_mode(inference), torch.no_grad():
+            return evaluate(block)
+
+    blocks = [slice(start, start + EVALUATED_AT_ONCE) for start in range(0, max(count, 1), EVALUATED_AT_ONCE)]
+    if torch.is_grad_enabled() or torch.get_num_threads() > 1:
+        return torch.cat([evaluate(block) for block in blocks])
+    return torch.cat(side_by_side([partial(in_mode, block) for block in blocks], thread_count()))
 
 
 def _through(layers: Sequence[tuple[Tensor, Tensor, bool]], rows: Tensor) -> Tensor:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap
 from sgbd.compiled import compiled
+from sgbd.repaint import repaint
 
 # What is known of a group of pieces: its pixels, and the box around them, the last row and column inside.
 PIXELS, TOP, BOTTOM, LEFT, RIGHT = range(5)
@@ -33,7 +34,7 @@ def connected_superpixels(first: npt.NDArray[np.int32], second: npt.NDArray[np.i
     # There are as many pieces as pixels at the most; memory that is never written to costs nothing.
     parents = np.empty(first.size, np.int64)
     facts = np.empty((first.size, 5), np.int64)
-    count = _find_pieces(first, second, pieces, parents, facts)
+    count = _find_pieces(first, second, np.empty((2, 2, first.shape[1] + 1), np.int64), pieces, parents, facts)
     parents, facts = parents[:count], facts[:count]
     groups = np.empty(count, np.int64)
     while True:
@@ -44,44 +45,68 @@ def connected_superpixels(first: npt.NDArray[np.int32], second: npt.NDArray[np.i
             break
         _merge_round(pieces, groups, facts, fragments, parents, np.empty_like(groups), np.zeros_like(groups))
     # A root is the first of its group in raster order.
-    _paint(np.searchsorted(roots, groups).astype(np.int32), pieces)
-    return pieces
+    return repaint(pieces, np.searchsorted(roots, groups))
 
 
 @compiled
-def _find_pieces(first, second, pieces, parents, facts):  # type: ignore[no-untyped-def]
-    """Number the pieces in raster order; where two turn out to be connected, join them in `parents`."""
+def _find_pieces(first, second, runs, pieces, parents, facts):  # type: ignore[no-untyped-def]
+    """Number the pieces in raster order; where two turn out to be connected, join them in `parents`.
+
+    Args:
+        first: int32 [H, W].
+        second: int32 [H, W].
+        runs: int64 [2, 2, W + 1] to work in: of two rows by turns, the runs of pixels that are alike, where each ends
+            and its piece.
+        pieces: int32 [H, W], written.
+        parents: int64 [H W], written.
+        facts: int64 [H W, 5], written.
+
+    Returns:
+        The number of pieces.
+    """
     height, width = first.shape
     count = np.int64(0)
+    runs_above = 0
     for row in range(height):
-        column = 0
-        while column < width:
-            # Follow the run of pixels that are alike, and join it with what is alike above it.
-            start, piece, last_above = column, count, count
-            one, two = first[row, column], second[row, column]
-            while column < width and first[row, column] == one and second[row, column] == two:
-                if row > 0 and first[row - 1, column] == one and second[row - 1, column] == two:
-                    above = np.int64(pieces[row - 1, column])
-                    if above != last_above:
-                        last_above = above
-                        piece = _root(parents, above) if piece == count else _join(parents, piece, above)
-                column += 1
+        ends, numbers = runs[row & 1, 0], runs[row & 1, 1]
+        ends_above, numbers_above = runs[1 - (row & 1), 0], runs[1 - (row & 1), 1]
+        # Found without a branch: where the next pixel is another.
+        found = 0
+        for column in range(width - 1):
+            ends[found] = column + 1
+            found += (first[row, column] != first[row, column + 1]) | (second[row, column] != second[row, column + 1])
+        ends[found] = width
+        found += 1
+        start, above = 0, 0
+        for run in range(found):
+            end, piece = ends[run], count
+            one, two = first[row, start], second[row, start]
+            # Join it with what is alike above it; the last run above may go on above the next one, too.
+            while above < runs_above:
+                begin = start if above == 0 or ends_above[above - 1] < start else ends_above[above - 1]
+                if first[row - 1, begin] == one and second[row - 1, begin] == two:
+                    other = numbers_above[above]
+                    piece = _root(parents, other) if piece == count else _join(parents, piece, other)
+                last_of_run = ends_above[above] >= end
+                above += ends_above[above] <= end
+                if last_of_run:
+                    break
             if piece == count:
                 count += 1
                 parents[piece] = piece
                 facts[piece, PIXELS] = 0
                 facts[piece, TOP] = row
                 facts[piece, LEFT] = start
-                facts[piece, RIGHT] = column - 1
-            fact = facts[piece]
-            fact[PIXELS] += column - start
-            fact[BOTTOM] = row
-            if start < fact[LEFT]:
-                fact[LEFT] = start
-            if column - 1 > fact[RIGHT]:
-                fact[RIGHT] = column - 1
-            for k in range(start, column):
+                facts[piece, RIGHT] = end - 1
+            facts[piece, PIXELS] += end - start
+            facts[piece, BOTTOM] = row
+            facts[piece, LEFT] = min(facts[piece, LEFT], start)
+            facts[piece, RIGHT] = max(facts[piece, RIGHT], end - 1)
+            for k in range(start, end):
                 pieces[row, k] = piece
+            numbers[run] = piece
+            start = end
+        runs_above = found
     return count
 
 
@@ -91,16 +116,13 @@ def _gather(parents, facts, groups):  # type: ignore[no-untyped-def]
     for piece in range(len(parents)):
         root = _root(parents, piece)
         groups[piece] = root
-        fact, whole = facts[piece], facts[root]
-        if root != piece and fact[PIXELS] > 0:
-            whole[PIXELS] += fact[PIXELS]
-            fact[PIXELS] = 0
-            for k in (TOP, LEFT):
-                if fact[k] < whole[k]:
-                    whole[k] = fact[k]
-            for k in (BOTTOM, RIGHT):
-                if fact[k] > whole[k]:
-                    whole[k] = fact[k]
+        if root != piece and facts[piece, PIXELS] > 0:
+            facts[root, PIXELS] += facts[piece, PIXELS]
+            facts[piece, PIXELS] = 0
+            facts[root, TOP] = min(facts[root, TOP], facts[piece, TOP])
+            facts[root, LEFT] = min(facts[root, LEFT], facts[piece, LEFT])
+            facts[root, BOTTOM] = max(facts[root, BOTTOM], facts[piece, BOTTOM])
+            facts[root, RIGHT] = max(facts[root, RIGHT], facts[piece, RIGHT])
 
 
 @compiled
@@ -148,13 +170,6 @@ def _merge_round(pieces, groups, facts, fragments, parents, met, border):  # typ
         for k in range(neighbours):
             border[met[k]] = 0
         _join(parents, fragment, best)
-
-
-@compiled
-def _paint(names, pieces):  # type: ignore[no-untyped-def]
-    for row in range(pieces.shape[0]):
-        for column in range(pieces.shape[1]):
-            pieces[row, column] = names[pieces[row, column]]
 
 
 @compiled

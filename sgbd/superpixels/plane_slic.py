@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numpy as np
@@ -10,13 +9,14 @@ import numpy as np
 from sgbd.adjacency import LabelMap
 from sgbd.compiled import HAS_NUMBA
 from sgbd.frame import Frame
+from sgbd.side_by_side import bands, side_by_side, thread_count
 from sgbd.superpixels.feature_planes import TO_XYZ, gaussian_weights, linear_intensities, smooth, write_lab
 from sgbd.superpixels.fragments import connected_superpixels
 from sgbd.superpixels.local_k_means import Cells
 from sgbd.superpixels.region_merging import merge_alike
 from sgbd.superpixels.slanted_planes import PLANES, assign, cluster, work_space, write_inverse_depth
 from sgbd.superpixels.slic import Slic
-from sgbd.superpixels.slic_fast import Run, bands, reused, say_that_numba_is_missing, thread_count
+from sgbd.superpixels.slic_fast import reused, say_that_numba_is_missing
 
 SPECK = 8
 """Connected pieces under so many pixels join a neighbour before regions are compared: they are noise."""
@@ -99,15 +99,7 @@ class PlaneSlic:
         if not HAS_NUMBA:
             # The intersection of its two maps has about three times as many superpixels as each.
             return Slic(max(1, self.n_segments // 3), min_size=self.min_size)(frame)
-        count = thread_count(self.threads)
-        if count == 1:
-            return self._segment(frame, 1, lambda jobs: [job() for job in jobs])
-        # The pool lives as long as the call: one that lived longer would not survive a fork or a pickle.
-        with ThreadPoolExecutor(count) as pool:
-            return self._segment(frame, count, lambda jobs: list(pool.map(lambda job: job(), jobs)))
-
-    def _segment(self, frame: Frame, threads: int, run: Run) -> LabelMap:
-        """Take the steps of the method one after the other; `run` does the jobs of one step side by side."""
+        threads = thread_count(self.threads)
         height, width = frame.height, frame.width
         rows = bands(height, threads)
         planes = reused("slanted", (PLANES, height, width), np.float32)
@@ -115,26 +107,31 @@ class PlaneSlic:
         sharp = planes[:3] if len(weights) == 1 else reused("lab", (3, height, width), np.float32)
         intensities, scale = linear_intensities(frame.rgb), np.float32(1 / self.compactness)
         inverse = np.float32(1 / self.depth_noise)
-        run(
+        side_by_side(
             [
                 partial(
                     write_lab, frame.rgb, intensities, TO_XYZ, scale, np.empty((4, width), np.float32), sharp, *band
                 )
                 for band in rows
             ]
-            + [partial(write_inverse_depth, frame.depth, inverse, planes[3], *band) for band in rows]
+            + [partial(write_inverse_depth, frame.depth, inverse, planes[3], *band) for band in rows],
+            threads,
         )
         if len(weights) > 1:
             padded = width + 2 * (len(weights) - 1)
-            run([partial(smooth, sharp, weights, np.empty(padded, np.float32), planes[:3], *band) for band in rows])
+            side_by_side(
+                [partial(smooth, sharp, weights, np.empty(padded, np.float32), planes[:3], *band) for band in rows],
+                threads,
+            )
         cells = Cells.grid(height, width, self.n_cells)
-        forms = cluster(planes, cells, self.iterations, self.subsample)
+        forms = cluster(planes, cells, self.iterations, self.subsample, threads)
         labels = reused("labels_0", (height, width), np.int32)
-        run(
+        side_by_side(
             [
                 partial(assign, planes, cells.tops, cells.lefts, cells.near, forms, *work_space(cells), labels, *band)
                 for band in bands(len(cells.tops) - 1, threads)
-            ]
+            ],
+            threads,
         )
         pieces = connected_superpixels(labels, labels, min(SPECK, self.min_size))
-        return merge_alike(pieces, planes, self.n_segments, self.tolerance, self.min_size)
+        return merge_alike(pieces, planes, self.n_segments, self.tolerance, self.min_size, threads)

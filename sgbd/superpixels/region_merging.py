@@ -11,11 +11,15 @@ Haris et al., Hybrid image segmentation using watersheds and fast region merging
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap
 from sgbd.compiled import compiled
+from sgbd.repaint import repaint
+from sgbd.side_by_side import side_by_side
 from sgbd.superpixels.slanted_planes import DISPARITY, plane_fit
 
 # Sums over a region: its pixels and their colours, then over those with depth what a plane needs, and d d.
@@ -23,7 +27,12 @@ _DEPTH, _SQUARES, _SUMS = 4, 13, 14
 
 
 def merge_alike(
-    label_map: LabelMap, planes: npt.NDArray[np.float32], n_segments: int, tolerance: float, min_size: int
+    label_map: LabelMap,
+    planes: npt.NDArray[np.float32],
+    n_segments: int,
+    tolerance: float,
+    min_size: int,
+    threads: int = 1,
 ) -> LabelMap:
     """Merge neighbouring regions, always the two whose merging costs least.
 
@@ -36,6 +45,7 @@ def merge_alike(
         n_segments: Regions at the most.
         tolerance: Squared error that counts for nothing.
         min_size: Pixels a region needs to stay.
+        threads: Threads to work in; the result does not depend on it.
 
     Returns:
         int32 [H, W] of the same form.
@@ -45,23 +55,75 @@ def merge_alike(
     ends = np.empty(6 * count, np.int32)
     table = np.full(1 << int(8 * count).bit_length(), -1, np.int32)
     sums = np.zeros((count, _SUMS))
-    edges = _survey(label_map, planes, table, ends, sums)
+    # Every sum is taken by one thread in the order of the pixels.
+    _, edges = side_by_side(
+        [
+            partial(_sum_depth, label_map, planes[DISPARITY], sums),
+            partial(_sum_colors_and_pair, label_map, planes, table, ends, sums),
+        ],
+        threads,
+    )
     parents = _merge(sums, ends[: 2 * edges], n_segments, tolerance, min_size)
     # A root is the first of its group in raster order.
     roots = np.flatnonzero(parents == np.arange(count))
-    return np.searchsorted(roots, parents).astype(np.int32)[label_map]
+    return repaint(label_map, np.searchsorted(roots, parents))
 
 
 @compiled
-def _survey(label_map, planes, table, ends, sums):  # type: ignore[no-untyped-def]
-    """Sum up the pixels of every region, and pair the regions that share a border.
+def _sum_depth(label_map, disparity, sums):  # type: ignore[no-untyped-def]
+    """Sum up what a plane needs over the pixels of every region.
+
+    Args:
+        label_map: int32 [H, W].
+        disparity: float32 [H, W], inverse depth, 0 = missing.
+        sums: float64 [N, 14] of zeros; the columns from _DEPTH on are written.
+    """
+    height, width = label_map.shape
+    for row in range(height):
+        y = np.float64(row)
+        column = 0
+        while column < width:
+            # Sums of floats grow pixel by pixel, which is their order whatever the runs; those of places are whole
+            # numbers, which can be summed in any order.
+            label = np.int64(label_map[row, column])
+            level, down, right, squares = (
+                sums[label, _DEPTH + 6],
+                sums[label, _DEPTH + 7],
+                sums[label, _DEPTH + 8],
+                sums[label, _SQUARES],
+            )
+            valid = x_sum = xx_sum = np.int64(0)
+            while column < width and label_map[row, column] == label:
+                if disparity[row, column] > 0:
+                    d, x = np.float64(disparity[row, column]), np.float64(column)
+                    valid += 1
+                    x_sum += column
+                    xx_sum += column * column
+                    level += d
+                    down += d * y
+                    right += d * x
+                    squares += d * d
+                column += 1
+            sums[label, _DEPTH] += valid
+            sums[label, _DEPTH + 1] += row * valid
+            sums[label, _DEPTH + 2] += x_sum
+            sums[label, _DEPTH + 3] += row * row * valid
+            sums[label, _DEPTH + 4] += row * x_sum
+            sums[label, _DEPTH + 5] += xx_sum
+            sums[label, _DEPTH + 6], sums[label, _DEPTH + 7], sums[label, _DEPTH + 8] = level, down, right
+            sums[label, _SQUARES] = squares
+
+
+@compiled
+def _sum_colors_and_pair(label_map, planes, table, ends, sums):  # type: ignore[no-untyped-def]
+    """Sum up the pixels of every region and their colours, and pair the regions that share a border.
 
     Args:
         label_map: int32 [H, W].
         planes: float32 [4, H, W].
         table: int32 [a power of two] of -1 to work in: a hash table of edges.
         ends: int32 [2 * edges at the most], written: the two ends of each edge.
-        sums: float64 [N, 14] of zeros, written.
+        sums: float64 [N, 14] of zeros; the first _DEPTH columns are written.
 
     Returns:
         The number of edges.
@@ -69,38 +131,28 @@ def _survey(label_map, planes, table, ends, sums):  # type: ignore[no-untyped-de
     height, width = label_map.shape
     edges = 0
     for row in range(height):
-        last_left = last_right = last_above = last_below = -1
-        for column in range(width):
-            label = label_map[row, column]
-            total = sums[label]
-            total[0] += 1
-            total[1] += planes[0, row, column]
-            total[2] += planes[1, row, column]
-            total[3] += planes[2, row, column]
-            d = np.float64(planes[DISPARITY, row, column])
-            if d > 0:
-                y, x = np.float64(row), np.float64(column)
-                total[_DEPTH] += 1
-                total[_DEPTH + 1] += y
-                total[_DEPTH + 2] += x
-                total[_DEPTH + 3] += y * y
-                total[_DEPTH + 4] += y * x
-                total[_DEPTH + 5] += x * x
-                total[_DEPTH + 6] += d
-                total[_DEPTH + 7] += d * y
-                total[_DEPTH + 8] += d * x
-                total[_SQUARES] += d * d
-            if column > 0:
-                other = label_map[row, column - 1]
-                # Borders run on for many pixels: what was met last is most often met again.
-                if other != label and not (other == last_left and label == last_right):
-                    edges = _add(table, ends, edges, other, label)
-                    last_left, last_right = other, label
+        column = 0
+        last_above = last_below = left = np.int64(-1)
+        while column < width:
+            label, first = np.int64(label_map[row, column]), column
+            lightness, a, b = sums[label, 1], sums[label, 2], sums[label, 3]
+            while column < width and label_map[row, column] == label:
+                lightness += planes[0, row, column]
+                a += planes[1, row, column]
+                b += planes[2, row, column]
+                column += 1
+            sums[label, 0] += column - first
+            sums[label, 1], sums[label, 2], sums[label, 3] = lightness, a, b
+            if left >= 0:
+                edges = _add(table, ends, edges, left, label)
+            left = label
             if row > 0:
-                other = label_map[row - 1, column]
-                if other != label and not (other == last_above and label == last_below):
-                    edges = _add(table, ends, edges, other, label)
-                    last_above, last_below = other, label
+                for k in range(first, column):
+                    above = np.int64(label_map[row - 1, k])
+                    # Borders run on for many pixels: what was met last is most often met again.
+                    if above != label and not (above == last_above and label == last_below):
+                        edges = _add(table, ends, edges, above, label)
+                        last_above, last_below = above, label
     return edges
 
 
@@ -121,7 +173,7 @@ def _add(table, ends, edges, one, other):  # type: ignore[no-untyped-def]
     return edges + 1
 
 
-@compiled
+@compiled(error_model="numpy")
 def _merge(sums, ends, n_segments, tolerance, min_size):  # type: ignore[no-untyped-def]
     """Merge regions, and return the root of each: the smallest id of its group.
 
@@ -143,14 +195,13 @@ def _merge(sums, ends, n_segments, tolerance, min_size):  # type: ignore[no-unty
     after, before = np.full(2 * edges, -1, np.int64), np.full(2 * edges, -1, np.int64)
     for half in range(2 * edges):
         _prepend(heads, after, before, ends[half], half)
-    errors = np.empty(count)
+    colors, errors = np.empty((count, 3)), np.empty(count)
     for region in range(count):
-        errors[region] = _error(sums[region])
-    union = np.empty(_SUMS)
+        _judge(sums, region, colors, errors)
     costs = np.empty(edges)
     heap, places = np.arange(edges), np.arange(edges)
     for edge in range(edges):
-        costs[edge] = _cost(sums, errors, ends[2 * edge], ends[2 * edge + 1], union)
+        costs[edge] = _cost(sums, colors, errors, ends[2 * edge], ends[2 * edge + 1])
     waiting = edges
     for place in range(edges // 2 - 1, -1, -1):
         _sink(heap, places, costs, waiting, place)
@@ -173,7 +224,7 @@ def _merge(sums, ends, n_segments, tolerance, min_size):  # type: ignore[no-unty
         left -= 1
         for k in range(_SUMS):
             sums[keep, k] += sums[gone, k]
-        errors[keep] = _error(sums[keep])
+        _judge(sums, keep, colors, errors)
         half = heads[keep]
         while half >= 0:
             met[ends[half ^ 1]] = keep
@@ -196,7 +247,7 @@ def _merge(sums, ends, n_segments, tolerance, min_size):  # type: ignore[no-unty
             met[ends[half ^ 1]] = -1
             edge = half // 2
             if places[edge] >= 0:
-                costs[edge] = _cost(sums, errors, ends[half], ends[half ^ 1], union)
+                costs[edge] = _cost(sums, colors, errors, ends[half], ends[half ^ 1])
                 _rise(heap, places, costs, places[edge])
                 _sink(heap, places, costs, waiting, places[edge])
             half = after[half]
@@ -206,26 +257,41 @@ def _merge(sums, ends, n_segments, tolerance, min_size):  # type: ignore[no-unty
     return parents
 
 
-@compiled
-def _error(total):  # type: ignore[no-untyped-def]
-    """Squared error of a region's plane."""
-    return plane_fit(total[_DEPTH:_SQUARES], total[_SQUARES])[3] if total[_DEPTH] > 0 else 0.0
+@compiled(error_model="numpy")
+def _judge(sums, region, colors, errors):  # type: ignore[no-untyped-def]
+    """Write the mean colour of a region and the squared error of its plane."""
+    for k in range(3):
+        colors[region, k] = sums[region, 1 + k] / sums[region, 0]
+    errors[region] = _error_of_union(sums, region, -1) if sums[region, _DEPTH] > 0 else 0.0
 
 
-@compiled
-def _cost(sums, errors, one, other, union):  # type: ignore[no-untyped-def]
+@compiled(error_model="numpy")
+def _error_of_union(sums, one, other):  # type: ignore[no-untyped-def]
+    """Squared error of one plane for two regions, or for one if the other is -1."""
+    # Numbers instead of an array: they stay in registers.
+    s0, s1, s2 = sums[one, _DEPTH], sums[one, _DEPTH + 1], sums[one, _DEPTH + 2]
+    s3, s4, s5 = sums[one, _DEPTH + 3], sums[one, _DEPTH + 4], sums[one, _DEPTH + 5]
+    s6, s7, s8 = sums[one, _DEPTH + 6], sums[one, _DEPTH + 7], sums[one, _DEPTH + 8]
+    squares = sums[one, _SQUARES]
+    if other >= 0:
+        s0, s1, s2 = s0 + sums[other, _DEPTH], s1 + sums[other, _DEPTH + 1], s2 + sums[other, _DEPTH + 2]
+        s3, s4, s5 = s3 + sums[other, _DEPTH + 3], s4 + sums[other, _DEPTH + 4], s5 + sums[other, _DEPTH + 5]
+        s6, s7, s8 = s6 + sums[other, _DEPTH + 6], s7 + sums[other, _DEPTH + 7], s8 + sums[other, _DEPTH + 8]
+        squares += sums[other, _SQUARES]
+    return plane_fit((s0, s1, s2, s3, s4, s5, s6, s7, s8), squares)[3]
+
+
+@compiled(error_model="numpy")
+def _cost(sums, colors, errors, one, other):  # type: ignore[no-untyped-def]
     """By how much the squared error rises when two regions merge; regions without depth are compared by colour."""
-    first, second = sums[one], sums[other]
-    n, m = first[0], second[0]
-    colors = 0.0
-    for k in range(1, _DEPTH):
-        apart = first[k] / n - second[k] / m
-        colors += apart * apart
-    cost = n * m / (n + m) * colors
-    if first[_DEPTH] > 0 and second[_DEPTH] > 0:
-        for k in range(_DEPTH, _SUMS):
-            union[k] = first[k] + second[k]
-        cost += max(_error(union) - errors[one] - errors[other], 0.0)
+    n, m = sums[one, 0], sums[other, 0]
+    apart = 0.0
+    for k in range(3):
+        difference = colors[one, k] - colors[other, k]
+        apart += difference * difference
+    cost = n * m / (n + m) * apart
+    if sums[one, _DEPTH] > 0 and sums[other, _DEPTH] > 0:
+        cost += max(_error_of_union(sums, one, other) - errors[one] - errors[other], 0.0)
     return cost
 
 

@@ -17,10 +17,13 @@ ECCV 2014, DOI 10.1007/978-3-319-10602-1_49 (slanted planes); Achanta et al., TP
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import numpy.typing as npt
 
 from sgbd.compiled import compiled
+from sgbd.side_by_side import bands, side_by_side
 from sgbd.superpixels.local_k_means import BATCH, Cells, Samples, gather, least_of_nine, scatter
 
 DISPARITY, ROW, COLUMN = 3, 4, 5
@@ -79,100 +82,137 @@ def write_inverse_depth(depth, scale, plane, first, last):  # type: ignore[no-un
             )
 
 
-def cluster(planes: npt.NDArray[np.float32], cells: Cells, iterations: int, subsample: int) -> npt.NDArray[np.float32]:
+def cluster(
+    planes: npt.NDArray[np.float32], cells: Cells, iterations: int, subsample: int, threads: int = 1
+) -> npt.NDArray[np.float32]:
     """Find the slanted planes of an image.
+
+    Every sum is taken by one thread in the order of the samples, so that their number changes nothing.
 
     Args:
         planes: float32 [4, H, W]: L, a, b over the compactness, and inverse depth over its noise, 0 = missing.
         cells: Where the centres start.
         iterations: Rounds of assignment and update.
         subsample: Only every so many rows and columns are looked at.
+        threads: Threads to work in.
 
     Returns:
         float32 [cells, 11], the centres, for `assign`.
     """
     samples = Samples.of(cells, subsample, ACROSS)
+    offsets = samples.offsets
+    rows, columns = len(cells.tops) - 1, len(cells.lefts) - 1
     values = np.empty((PLANES + 2, len(samples.pixels)), np.float32)
     values[ROW:] = samples.positions
-    labels = np.repeat(np.arange(len(cells), dtype=np.int32), np.diff(samples.offsets))
+    labels = np.repeat(np.arange(len(cells), dtype=np.int32), np.diff(offsets))
     places = np.empty((len(cells), 2))
-    places[:, 0] = np.repeat((cells.tops[:-1] + cells.tops[1:] - 1) / 2, len(cells.lefts) - 1)
-    places[:, 1] = np.tile((cells.lefts[:-1] + cells.lefts[1:] - 1) / 2, len(cells.tops) - 1)
+    places[:, 0] = np.repeat((cells.tops[:-1] + cells.tops[1:] - 1) / 2, columns)
+    places[:, 1] = np.tile((cells.lefts[:-1] + cells.lefts[1:] - 1) / 2, rows)
     forms = np.zeros((len(cells), FORM), np.float32)
     sums = np.empty((len(cells), _SUMS))
-    distances = np.empty((9, max(1, int(np.diff(samples.offsets).max()))), np.float32)
-    scale = np.float32(1 / cells.step**2)
-    _cluster(
-        planes.reshape(PLANES, -1),
-        samples.pixels,
-        values,
-        samples.offsets,
-        cells.near,
-        scale,
-        iterations,
-        labels,
-        sums,
-        distances,
-        places,
-        forms,
+    widest = max(1, int(np.diff(offsets).max()))
+    flat, scale = planes.reshape(PLANES, -1), np.float32(1 / cells.step**2)
+    cell_bands = [(first * columns, last * columns) for first, last in bands(rows, threads)]
+
+    def update(robust: bool) -> None:
+        jobs = []
+        for first, last in cell_bands:
+            # Samples have the label of one of the nine centres around them, so those of a band lie at most a row off.
+            begin, end = offsets[max(first - columns, 0)], offsets[min(last + columns, len(cells))]
+            jobs.append(partial(_update, values, labels, begin, end, scale, robust, sums, places, forms, first, last))
+        side_by_side(jobs, threads)
+
+    side_by_side(
+        [partial(_pick, flat, samples.pixels, values, offsets[first], offsets[last]) for first, last in cell_bands],
+        threads,
     )
+    update(False)
+    for _ in range(iterations):
+        side_by_side(
+            [
+                partial(
+                    _assign_samples,
+                    values,
+                    offsets,
+                    cells.near,
+                    forms,
+                    np.empty((9, widest), np.float32),
+                    labels,
+                    *band,
+                )
+                for band in cell_bands
+            ],
+            threads,
+        )
+        update(True)
     return forms
 
 
 @compiled
-def _cluster(  # type: ignore[no-untyped-def]
-    planes, pixels, values, offsets, near, scale, iterations, labels, sums, distances, places, forms
-):
+def _pick(planes, pixels, values, first, last):  # type: ignore[no-untyped-def]
     for plane in range(PLANES):
-        for k in range(len(pixels)):
+        for k in range(first, last):
             values[plane, k] = planes[plane, pixels[k]]
-    _update(values, labels, scale, False, sums, places, forms)
-    for _ in range(iterations):
-        for cell in range(len(near)):
-            first, last = offsets[cell], offsets[cell + 1]
-            _nearest_plane(values, first, offsets[0], offsets[0], near[cell], forms, distances, labels[first:last])
-        _update(values, labels, scale, True, sums, places, forms)
 
 
 @compiled
-def _update(values, labels, scale, robust, sums, places, forms):  # type: ignore[no-untyped-def]
-    """Fit every centre to its samples; one without any stays, and one whose depth is all off keeps its plane.
+def _assign_samples(values, offsets, near, forms, distances, labels, first, last):  # type: ignore[no-untyped-def]
+    """Give every sample of the cells `first` to `last` - 1 the nearest of the nine centres around it."""
+    for cell in range(first, last):
+        begin, end = offsets[cell], offsets[cell + 1]
+        _nearest_plane(values, begin, offsets[0], offsets[0], near[cell], forms, distances, labels[begin:end])
+
+
+@compiled(error_model="numpy")
+def _update(values, labels, begin, end, scale, robust, sums, places, forms, first, last):  # type: ignore[no-untyped-def]
+    """Fit some centres to their samples; one without any stays, and one whose depth is all off keeps its plane.
 
     Args:
         values: float32 [6, M], the samples.
         labels: int32 [M], their centres.
+        begin: First sample that may belong to one of these centres.
+        end: The sample after the last.
         scale: Weight of squared distances in the image.
         robust: Leave out depth that is beyond the cap for the centre as it is.
         sums: float64 [cells, 15] to work in.
         places: float64 [cells, 2], mean row and column; sums are taken relative to the old ones. Written.
         forms: float32 [cells, 11], written.
+        first: First of the centres.
+        last: The centre after the last.
     """
-    sums[:] = 0.0
-    for sample in range(len(labels)):
-        centre = labels[sample]
-        total, form, place = sums[centre], forms[centre], places[centre]
-        y, x = values[ROW, sample] - place[0], values[COLUMN, sample] - place[1]
-        total[0] += 1
-        total[1] += y
-        total[2] += x
-        total[3] += values[0, sample]
-        total[4] += values[1, sample]
-        total[5] += values[2, sample]
+    for centre in range(first, last):
+        for k in range(_SUMS):
+            sums[centre, k] = 0.0
+    for sample in range(begin, end):
+        centre = np.int64(labels[sample])
+        if centre < first or centre >= last:
+            continue
+        y, x = values[ROW, sample] - places[centre, 0], values[COLUMN, sample] - places[centre, 1]
+        sums[centre, 0] += 1
+        sums[centre, 1] += y
+        sums[centre, 2] += x
+        sums[centre, 3] += values[0, sample]
+        sums[centre, 4] += values[1, sample]
+        sums[centre, 5] += values[2, sample]
         d = values[DISPARITY, sample]
         if d > 0:
-            off = d - (form[PLANE] + form[PLANE + 1] * values[ROW, sample] + form[PLANE + 2] * values[COLUMN, sample])
-            if robust and form[WEIGHT] > 0 and off * off > CAP:
+            off = d - (
+                forms[centre, PLANE]
+                + forms[centre, PLANE + 1] * values[ROW, sample]
+                + forms[centre, PLANE + 2] * values[COLUMN, sample]
+            )
+            if robust and forms[centre, WEIGHT] > 0 and off * off > CAP:
                 continue
-            total[_PLANE_SUMS] += 1
-            total[_PLANE_SUMS + 1] += y
-            total[_PLANE_SUMS + 2] += x
-            total[_PLANE_SUMS + 3] += y * y
-            total[_PLANE_SUMS + 4] += y * x
-            total[_PLANE_SUMS + 5] += x * x
-            total[_PLANE_SUMS + 6] += d
-            total[_PLANE_SUMS + 7] += d * y
-            total[_PLANE_SUMS + 8] += d * x
-    for centre in range(len(forms)):
+            sums[centre, _PLANE_SUMS] += 1
+            sums[centre, _PLANE_SUMS + 1] += y
+            sums[centre, _PLANE_SUMS + 2] += x
+            sums[centre, _PLANE_SUMS + 3] += y * y
+            sums[centre, _PLANE_SUMS + 4] += y * x
+            sums[centre, _PLANE_SUMS + 5] += x * x
+            sums[centre, _PLANE_SUMS + 6] += d
+            sums[centre, _PLANE_SUMS + 7] += d * y
+            sums[centre, _PLANE_SUMS + 8] += d * x
+    for centre in range(first, last):
         total, form = sums[centre], forms[centre]
         count = total[0]
         if count == 0:
@@ -196,12 +236,12 @@ def _update(values, labels, scale, robust, sums, places, forms):  # type: ignore
         form[VALID] = -2 * share * MISSING + (0.0 if form[WEIGHT] > 0 else UNKNOWN)
 
 
-@compiled
+@compiled(error_model="numpy")
 def plane_fit(sums, squares):  # type: ignore[no-untyped-def]
     """Fit a plane of inverse depth by least squares, with a penalty on its slope.
 
     Args:
-        sums: float64 [9], over the pixels: of 1, y, x, y y, y x, x x, d, d y, d x.
+        sums: float64 [9], or nine numbers, over the pixels: of 1, y, x, y y, y x, x x, d, d y, d x.
         squares: Sum of d d, for the fourth result.
 
     Returns:

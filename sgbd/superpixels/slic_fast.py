@@ -5,9 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache, partial
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -16,7 +14,7 @@ import numpy.typing as npt
 from sgbd.adjacency import LabelMap
 from sgbd.compiled import HAS_NUMBA
 from sgbd.frame import Frame
-from sgbd.processors import usable_processors
+from sgbd.side_by_side import bands, side_by_side, thread_count
 from sgbd.superpixels.feature_planes import (
     FARTHEST,
     TO_XYZ,
@@ -143,11 +141,7 @@ class FastSlic(Slic):
         """
         if not HAS_NUMBA:
             return super().__call__(frame)
-        if self.thread_count == 1:
-            return self._segment(frame, lambda jobs: [job() for job in jobs])
-        # The pool lives as long as the call: one that lived longer would not survive a fork or a pickle.
-        with ThreadPoolExecutor(self.thread_count) as pool:
-            return self._segment(frame, lambda jobs: list(pool.map(lambda job: job(), jobs)))
+        return self._segment(frame, lambda jobs: side_by_side(jobs, self.thread_count))
 
     def _segment(self, frame: Frame, run: Run) -> LabelMap:
         """Take the steps of the method one after the other; `run` does the jobs of one step side by side."""
@@ -208,16 +202,6 @@ class FastSlic(Slic):
 
     def _bands(self, rows: int) -> list[tuple[int, int]]:
         return bands(rows, self.thread_count)
-
-
-def thread_count(asked: int | None) -> int:
-    """Return how many threads to work in; if the user asks for no number, one for each processor, at most 2."""
-    return asked or min(2, len(usable_processors()))
-
-
-def bands(rows: int, count: int) -> list[tuple[int, int]]:
-    """Cut rows into a band for each thread: its first row, and the row after its last."""
-    return list(pairwise([rows * k // count for k in range(count + 1)]))
 
 
 @cache

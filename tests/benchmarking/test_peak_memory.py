@@ -5,19 +5,19 @@ import time
 import numpy as np
 
 from sgbd.benchmarking.fresh_process import MEBIBYTE
-from sgbd.benchmarking.preparation_speed import WorkerMemory
+from sgbd.benchmarking.peak_memory import PeakMemory, this_process, worker_processes
 from sgbd.workers import map_in_order
 
 
 def hold(mebibytes: int) -> int:
     """Fill memory for as long as it takes to be seen."""
     held = np.ones(mebibytes * MEBIBYTE, np.uint8)
-    time.sleep(5 * WorkerMemory.INTERVAL)
+    time.sleep(5 * PeakMemory.INTERVAL)
     return len(held)
 
 
 def test_the_memory_of_workers_is_seen():
-    with WorkerMemory() as memory:
+    with PeakMemory(worker_processes) as memory:
         assert list(map_in_order(hold, [150], workers=1)) == [150 * MEBIBYTE]
     assert memory.own_mib is not None
     assert memory.resident_mib is not None
@@ -25,7 +25,17 @@ def test_the_memory_of_workers_is_seen():
 
 
 def test_without_workers_there_is_nothing_to_see():
-    with WorkerMemory() as memory:
+    with PeakMemory(worker_processes) as memory:
         assert list(map_in_order(hold, [1], workers=0)) == [MEBIBYTE]
     assert memory.own_mib is None
     assert memory.resident_mib is None
+
+
+def test_the_memory_of_this_process_is_seen():
+    with PeakMemory(this_process) as before:
+        time.sleep(3 * PeakMemory.INTERVAL)
+    with PeakMemory(this_process) as memory:
+        assert hold(150) == 150 * MEBIBYTE
+    assert memory.own_mib is not None
+    assert before.own_mib is not None
+    assert memory.own_mib >= before.own_mib + 140

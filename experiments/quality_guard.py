@@ -1,0 +1,93 @@
+"""Hold the fast way from a frame to its graph against the published one: the same weights on superpixels of both.
+
+    python experiments/quality_guard.py checkpoint=FILE dataset=tabletop
+    python experiments/quality_guard.py checkpoint=FILE dataset=mosd dataset.root=FOLDER
+
+`checkpoint` is a model trained on the compiled SLIC (`superpixels=slic_fast`). Its frames are over-segmented by it and
+by scikit-image's SLIC, with the same settings; graph, features, weights and partition are the same. Whatever else is
+given is an override of conf/evaluate.yaml. The program ends with status 1 if the fast way is worse than the published
+one by more than `tolerance` points (0.3).
+"""
+
+from __future__ import annotations
+
+import copy
+import sys
+from typing import Any
+
+import pandas as pd
+from hydra import compose, initialize_config_dir
+from omegaconf import DictConfig, OmegaConf
+
+from sgbd.checkpoint import Checkpoint, find_checkpoint
+from sgbd.configuration import config_folder, count_workers
+from sgbd.evaluation import Evaluator
+from sgbd.pipeline import checkpoint_graphs, frame_source_of_split
+from sgbd.segmenter import Segmenter
+
+REFERENCE, FAST = "slic_reference", "slic_fast"
+"""Options of the group superpixels: scikit-image's SLIC and the compiled one."""
+
+SCORES = {
+    "overlap F": "all/overlap_f",
+    "F@.75": "all/f75",
+    "boundary F": "all/boundary_f",
+    "unaided overlap F": "unaided/overlap_f",
+    "unaided boundary F": "unaided/boundary_f",
+    "oracle overlap F": "oracle/overlap_f",
+    "oracle boundary F": "oracle/boundary_f",
+}
+GUARDED = ("overlap F", "boundary F", "unaided overlap F", "unaided boundary F")
+
+
+def with_superpixels(checkpoint: Checkpoint, option: Any) -> Checkpoint:
+    """Return a checkpoint that over-segments frames in another way.
+
+    Args:
+        checkpoint: The trained model.
+        option: Configuration of the superpixels; what both ways have is set as the model was trained.
+    """
+    recipe = copy.deepcopy(checkpoint.recipe)
+    kept = {key: value for key, value in recipe["superpixels"].items() if key in option and key != "_target_"}
+    recipe["superpixels"] = {**option, **kept}
+    return Checkpoint(checkpoint.model, checkpoint.objectness, recipe, checkpoint.first_stage)
+
+
+def evaluated(config: DictConfig, checkpoint: Checkpoint) -> dict[str, float]:
+    """Prepare the frames and score the model on them; scores in per cent."""
+    segmenter = Segmenter(checkpoint)
+    source = frame_source_of_split(config.dataset, count_workers(config.workers), config.split)
+    dataset = checkpoint_graphs(config, checkpoint, segmenter, source)
+    evaluator = Evaluator(segmenter.partition, segmenter.rule, calibration=segmenter.calibration)
+    scores = evaluator(dataset, segmenter.model, segmenter.objectness, progress=True).scores
+    found = {name: 100 * scores[key] for name, key in SCORES.items() if key in scores}
+    return {"frames": len(dataset), "superpixels": dataset.statistics()["nodes_per_graph"], **found}
+
+
+def main() -> None:
+    """Print the table and judge."""
+    arguments = dict(argument.split("=", 1) for argument in sys.argv[1:])
+    tolerance = float(arguments.pop("tolerance", 0.3))
+    with initialize_config_dir(str(config_folder()), version_base="1.3"):
+        config = compose("evaluate", [f"{key}={value}" for key, value in arguments.items()])
+        options = {
+            name: OmegaConf.to_container(compose("prepare", [f"superpixels={name}"]).superpixels)
+            for name in (REFERENCE, FAST)
+        }
+    checkpoint = Checkpoint.load(find_checkpoint(config.checkpoint, config.output_dir), tuple(config.trust))
+    table = pd.DataFrame(
+        {name: evaluated(config, with_superpixels(checkpoint, option)) for name, option in options.items()}
+    ).T
+    table.loc["difference"] = table.loc[FAST] - table.loc[REFERENCE]
+    table.loc["difference", "frames"] = float("nan")
+    table.index.name = "superpixels="
+    print(table.to_markdown(floatfmt=("", ".0f", ".0f", *[".1f"] * len(SCORES)), missingval=""))
+    worse = {name: table.loc["difference", name] for name in GUARDED if name in table}
+    worse = {name: change for name, change in worse.items() if change < -tolerance}
+    if worse:
+        sys.exit(f"the fast way is worse by more than {tolerance} points: {worse}")
+    print(f"\nThe fast way is no more than {tolerance} points worse, or better.")
+
+
+if __name__ == "__main__":
+    main()
