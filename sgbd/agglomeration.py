@@ -278,7 +278,7 @@ def _sample(label_map, depth, rgb, camera, sums, histogram):  # type: ignore[no-
             sums[segment, 7] += (column - cx) / fx * z
             sums[segment, 8] += (row - cy) / fy * z
             sums[segment, 9] += z
-            color = 0
+            color = np.int64(0)
             for k in range(3):
                 color = color * BINS + np.int64(rgb[row, column, k]) * BINS // 256
             histogram[segment, color] += 1

@@ -100,8 +100,8 @@ def _sums(
     count: int,
 ) -> Any:
     if not HAS_NUMBA:
-        regions = sum_regions_numpy(label_map, rgb, depth, camera, count)
-        return *regions, *sum_borders_numpy(label_map, rgb, depth, count)
+        slow = sum_regions_numpy(label_map, rgb, depth, camera, count)
+        return *slow, *sum_borders_numpy(label_map, rgb, depth, count)
     regions = np.zeros((count, SUMS))
     # The first two write columns of their own, and every sum is taken by one thread, in one order.
     depth_range, _, borders = side_by_side(

@@ -184,34 +184,34 @@ def _update(values, labels, begin, end, scale, robust, sums, places, forms, firs
         for k in range(_SUMS):
             sums[centre, k] = 0.0
     for sample in range(begin, end):
-        centre = np.int64(labels[sample])
-        if centre < first or centre >= last:
+        own = np.int64(labels[sample])
+        if own < first or own >= last:
             continue
-        y, x = values[ROW, sample] - places[centre, 0], values[COLUMN, sample] - places[centre, 1]
-        sums[centre, 0] += 1
-        sums[centre, 1] += y
-        sums[centre, 2] += x
-        sums[centre, 3] += values[0, sample]
-        sums[centre, 4] += values[1, sample]
-        sums[centre, 5] += values[2, sample]
+        y, x = values[ROW, sample] - places[own, 0], values[COLUMN, sample] - places[own, 1]
+        sums[own, 0] += 1
+        sums[own, 1] += y
+        sums[own, 2] += x
+        sums[own, 3] += values[0, sample]
+        sums[own, 4] += values[1, sample]
+        sums[own, 5] += values[2, sample]
         d = values[DISPARITY, sample]
         if d > 0:
             off = d - (
-                forms[centre, PLANE]
-                + forms[centre, PLANE + 1] * values[ROW, sample]
-                + forms[centre, PLANE + 2] * values[COLUMN, sample]
+                forms[own, PLANE]
+                + forms[own, PLANE + 1] * values[ROW, sample]
+                + forms[own, PLANE + 2] * values[COLUMN, sample]
             )
-            if robust and forms[centre, WEIGHT] > 0 and off * off > CAP:
+            if robust and forms[own, WEIGHT] > 0 and off * off > CAP:
                 continue
-            sums[centre, _PLANE_SUMS] += 1
-            sums[centre, _PLANE_SUMS + 1] += y
-            sums[centre, _PLANE_SUMS + 2] += x
-            sums[centre, _PLANE_SUMS + 3] += y * y
-            sums[centre, _PLANE_SUMS + 4] += y * x
-            sums[centre, _PLANE_SUMS + 5] += x * x
-            sums[centre, _PLANE_SUMS + 6] += d
-            sums[centre, _PLANE_SUMS + 7] += d * y
-            sums[centre, _PLANE_SUMS + 8] += d * x
+            sums[own, _PLANE_SUMS] += 1
+            sums[own, _PLANE_SUMS + 1] += y
+            sums[own, _PLANE_SUMS + 2] += x
+            sums[own, _PLANE_SUMS + 3] += y * y
+            sums[own, _PLANE_SUMS + 4] += y * x
+            sums[own, _PLANE_SUMS + 5] += x * x
+            sums[own, _PLANE_SUMS + 6] += d
+            sums[own, _PLANE_SUMS + 7] += d * y
+            sums[own, _PLANE_SUMS + 8] += d * x
     for centre in range(first, last):
         total, form = sums[centre], forms[centre]
         count = total[0]
