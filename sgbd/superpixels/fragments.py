@@ -1,6 +1,6 @@
 """Connection of an intersection and merging of its fragments, in one compiled pass over the pixels.
 
-The same result as `connect.merge_fragments(connect.connected_regions(connect.intersect(first, second)), min_size)`.
+Without Numba the functions of `sgbd.superpixels.connect` do it, a step at a time, with the same result.
 """
 
 from __future__ import annotations
@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap
-from sgbd.compiled import compiled
+from sgbd.compiled import HAS_NUMBA, compiled
 from sgbd.repaint import repaint
+from sgbd.superpixels.connect import connected_regions, intersect, merge_fragments
 
 # What is known of a group of pieces: its pixels, and the box around them, the last row and column inside.
 PIXELS, TOP, BOTTOM, LEFT, RIGHT = range(5)
@@ -19,8 +20,9 @@ PIXELS, TOP, BOTTOM, LEFT, RIGHT = range(5)
 def connected_superpixels(first: npt.NDArray[np.int32], second: npt.NDArray[np.int32], min_size: int) -> LabelMap:
     """Intersect two over-segmentations, connect the result and merge its fragments.
 
-    One pass finds the pieces by union-find, with their areas and boxes. Fragments are small, so that their borders are
-    then looked up in their boxes alone, and the image is not passed over again until the superpixels are painted.
+    Fragments go to the neighbour with the longest border. One pass finds the pieces by union-find, with their areas and
+    boxes. Fragments are small, so that their borders are then looked up in their boxes alone, and the image is not passed
+    over again until the superpixels are painted.
 
     Args:
         first: int32 [H, W], any ids.
@@ -30,6 +32,8 @@ def connected_superpixels(first: npt.NDArray[np.int32], second: npt.NDArray[np.i
     Returns:
         int32 [H, W], ids 0..N-1 in raster order of their first pixel, each one 4-connected region.
     """
+    if not HAS_NUMBA:
+        return merge_fragments(connected_regions(intersect(first, second)), min_size)
     pieces = np.empty(first.shape, np.int32)
     # There are as many pieces as pixels at the most; memory that is never written to costs nothing.
     parents = np.empty(first.size, np.int64)

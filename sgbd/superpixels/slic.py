@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap
 from sgbd.frame import Frame
-from sgbd.superpixels.connect import connected_regions, intersect, merge_fragments
+from sgbd.superpixels.fragments import connected_superpixels
 
 Superpixels = Callable[[Frame], LabelMap]
 """Frame to label map int32 [H, W], ids 0..N-1, each id one 4-connected region."""
@@ -86,13 +86,10 @@ class Slic:
             jobs.append(lambda: self._rgb_labels(frame.rgb))
         if self.depth:
             jobs.append(lambda: self._depth_labels(frame.depth))
-        if len(jobs) == 1:
-            labels = jobs[0]()
-        else:
-            # scikit-image's SLIC lets go of the interpreter lock: the two run side by side.
-            with ThreadPoolExecutor(len(jobs)) as pool:
-                labels = intersect(*pool.map(lambda job: job(), jobs))
-        return merge_fragments(connected_regions(labels), self.min_size)
+        # scikit-image's SLIC lets go of the interpreter lock: the two run side by side.
+        with ThreadPoolExecutor(len(jobs)) as pool:
+            labels = [found.astype(np.int32) for found in pool.map(lambda job: job(), jobs)]
+        return connected_superpixels(labels[0], labels[-1], self.min_size)
 
     def _rgb_labels(self, rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.integer]:
         from skimage.segmentation import slic  # here, for nobody else to wait for it

@@ -1,9 +1,11 @@
 import numpy as np
 import numpy.typing as npt
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from sgbd.superpixels import fragments
 from sgbd.superpixels.connect import connected_regions, intersect, merge_fragments
 from sgbd.superpixels.fragments import connected_superpixels
 from tests.label_maps import shapes
@@ -26,6 +28,14 @@ def test_merging_is_that_of_merge_fragments(
 ) -> None:
     expected = merge_fragments(connected_regions(intersect(*pair)), min_size)
     assert connected_superpixels(*pair, min_size).tolist() == expected.tolist()
+
+
+def test_without_numba_the_steps_are_taken_one_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    pair = tuple(np.random.default_rng(0).integers(0, 3, (2, 30, 40)).astype(np.int32))
+    compiled = connected_superpixels(*pair, 12)
+    monkeypatch.setattr(fragments, "HAS_NUMBA", False)
+    monkeypatch.setattr(fragments, "_find_pieces", None)
+    assert connected_superpixels(*pair, 12).tolist() == compiled.tolist()
 
 
 def test_one_map_alone_is_its_intersection_with_itself() -> None:
