@@ -21,8 +21,8 @@ def connected_superpixels(first: npt.NDArray[np.int32], second: npt.NDArray[np.i
     """Intersect two over-segmentations, connect the result and merge its fragments.
 
     Fragments go to the neighbour with the longest border. One pass finds the pieces by union-find, with their areas and
-    boxes. Fragments are small, so that their borders are then looked up in their boxes alone, and the image is not passed
-    over again until the superpixels are painted.
+    boxes. Fragments are small, so that their borders are then looked up in their boxes alone, and the image is not
+    passed over again until the superpixels are painted.
 
     Args:
         first: int32 [H, W], any ids.
