@@ -17,12 +17,14 @@ from typing import Any
 
 import pandas as pd
 from hydra import compose, initialize_config_dir
+from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 
 from sgbd.checkpoint import Checkpoint, find_checkpoint
 from sgbd.configuration import config_folder, count_workers
 from sgbd.evaluation import Evaluator
 from sgbd.pipeline import checkpoint_graphs, frame_source_of_split
+from sgbd.recipe import describe
 from sgbd.segmenter import Segmenter
 
 REFERENCE, FAST = "slic_reference", "slic_fast"
@@ -49,7 +51,8 @@ def with_superpixels(checkpoint: Checkpoint, option: Any) -> Checkpoint:
     """
     recipe = copy.deepcopy(checkpoint.recipe)
     kept = {key: value for key, value in recipe["superpixels"].items() if key in option and key != "_target_"}
-    recipe["superpixels"] = {**option, **kept}
+    # As a recipe writes it, whatever name the configuration has for the class.
+    recipe["superpixels"] = describe(instantiate({**option, **kept}))
     return Checkpoint(checkpoint.model, checkpoint.objectness, recipe, checkpoint.first_stage)
 
 
