@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap
 from sgbd.frame import Frame
+from sgbd.side_by_side import side_by_side
 from sgbd.superpixels.fragments import connected_superpixels
 
 Superpixels = Callable[[Frame], LabelMap]
@@ -86,9 +86,8 @@ class Slic:
             jobs.append(lambda: self._rgb_labels(frame.rgb))
         if self.depth:
             jobs.append(lambda: self._depth_labels(frame.depth))
-        # scikit-image's SLIC lets go of the interpreter lock: the two run side by side.
-        with ThreadPoolExecutor(len(jobs)) as pool:
-            labels = [found.astype(np.int32) for found in pool.map(lambda job: job(), jobs)]
+        # scikit-image's SLIC lets go of the interpreter lock.
+        labels = [found.astype(np.int32) for found in side_by_side(jobs, len(jobs))]
         return connected_superpixels(labels[0], labels[-1], self.min_size)
 
     def _rgb_labels(self, rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.integer]:
