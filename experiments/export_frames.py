@@ -21,7 +21,7 @@ from omegaconf import OmegaConf
 from tqdm import tqdm
 
 from sgbd.configuration import config_folder
-from sgbd.frame import MILLIMETRES
+from sgbd.frame import MILLIMETERS
 
 OWN = ("split", "output")
 
@@ -38,7 +38,7 @@ def main() -> None:
     cameras = set()
     for frame in tqdm(source, "writing", len(source), unit="frame"):
         stem = frame.name.replace("/", "_")
-        depth = np.clip(frame.depth / MILLIMETRES, 0, 65535).round().astype(np.uint16)
+        depth = np.clip(frame.depth / MILLIMETERS, 0, 65535).round().astype(np.uint16)
         iio.imwrite(output / f"{stem}_rgb.png", frame.rgb)
         iio.imwrite(output / f"{stem}_depth.png", depth)
         camera = frame.camera

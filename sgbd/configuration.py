@@ -18,7 +18,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
-from sgbd.misspelt_keys import suggestions
+from sgbd.misspelled_keys import suggestions
 from sgbd.processors import usable_processors
 
 INTERRUPTED = 130

@@ -148,7 +148,7 @@ class SuperpixelGraphDataset(Dataset):
             )
         return block
 
-    def labelled(self) -> SuperpixelGraphDataset:
+    def labeled(self) -> SuperpixelGraphDataset:
         """Return the sub-dataset of the graphs whose frames have ground truth; of each file only the head is read."""
         folder, names = self.folder / self.split, self._index["names"]
         indices = list(self.indices())

@@ -331,19 +331,19 @@ def with_truth(dataset: SuperpixelGraphDataset, on_error: str = "skip") -> Super
     Raises:
         EvaluationError: If none has truth, or one has not and `on_error` is `fail`.
     """
-    labelled = dataset.labelled()
-    missing = sorted(set(dataset.names) - set(labelled.names))
+    labeled = dataset.labeled()
+    missing = sorted(set(dataset.names) - set(labeled.names))
     if not missing:
         return dataset
     named = ", ".join(missing[:NAMED]) + (f" and {len(missing) - NAMED} more" if len(missing) > NAMED else "")
     told = f"{len(missing)} of {len(dataset)} frames of {dataset.split} have no ground truth: {named}"
-    if on_error == "fail" or len(labelled) == 0:
+    if on_error == "fail" or len(labeled) == 0:
         raise EvaluationError(
             f"{told}. Give label images (dataset=folder: NAME_labels.png), or use python -m sgbd.predict, which needs "
             "none."
         )
     log.warning("left out: %s", told)
-    return labelled
+    return labeled
 
 
 def score_table(scores: dict[str, float]) -> pd.DataFrame:

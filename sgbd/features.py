@@ -128,7 +128,7 @@ class Geometry:
 
     def __init__(self, regions: Regions, borders: Borders, camera: Intrinsics) -> None:
         valid = regions.valid
-        depth = _depth_from_neighbours(regions.sums[:, XYZ + 2] / np.maximum(valid, 1), valid > 0, borders)
+        depth = _depth_from_neighbors(regions.sums[:, XYZ + 2] / np.maximum(valid, 1), valid > 0, borders)
         intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
         self.centroid, self.normal, self.residual = _centroids_and_planes(regions.sums, depth, intrinsics)
 
@@ -209,7 +209,7 @@ def _diagonalize(matrix, axes):  # type: ignore[no-untyped-def]
                     axes[row, q] = sine * along_p + cosine * along_q
 
 
-def _depth_from_neighbours(
+def _depth_from_neighbors(
     depth: npt.NDArray[np.float64], known: npt.NDArray[np.bool_], borders: Borders
 ) -> npt.NDArray[np.float64]:
     depth = np.where(known, depth, 0.0)

@@ -16,7 +16,7 @@ SUPPORT = 1
 IGNORE = -1
 """Truth id of pixels that count neither for training nor for evaluation."""
 
-MILLIMETRES = 0.001
+MILLIMETERS = 0.001
 
 FARTHEST = 100.0
 """Metres. A frame most of which is farther away was given in another unit."""
@@ -165,27 +165,27 @@ def _checked_depth(depth: npt.ArrayLike, shape: tuple[int, ...], label: str) -> 
             f"{label}: depth has 8 bits a pixel, too few for distances. Give uint16 millimetres or float metres."
         )
     if np.issubdtype(array.dtype, np.integer):
-        metres = np.multiply(array, np.float32(MILLIMETRES), dtype=np.float32)
+        meters = np.multiply(array, np.float32(MILLIMETERS), dtype=np.float32)
     elif np.issubdtype(array.dtype, np.floating):
-        metres = array.astype(np.float32)
+        meters = array.astype(np.float32)
     else:
         raise FrameError(f"{label}: depth must be uint16 millimetres or float metres; got {array.dtype}")
     # NaN compares as neither. Unsigned integers are never anything else than missing or valid.
-    valid = metres > 0 if array.dtype.kind == "u" else (metres > 0) & (metres < np.inf)
+    valid = meters > 0 if array.dtype.kind == "u" else (meters > 0) & (meters < np.inf)
     count = np.count_nonzero(valid)
     if not count:
         raise FrameError(
             f"{label}: every depth value is missing (0, negative, NaN or infinite). "
             "Check the sensor stream and the unit: floats are metres, integers millimetres."
         )
-    if array.dtype != np.uint16 and 2 * np.count_nonzero(valid & (metres > FARTHEST)) > count:
+    if array.dtype != np.uint16 and 2 * np.count_nonzero(valid & (meters > FARTHEST)) > count:
         raise FrameError(
-            f"{label}: the median depth is {float(np.median(metres[valid])):.0f} m. "
+            f"{label}: the median depth is {float(np.median(meters[valid])):.0f} m. "
             "Floats are taken as metres: divide millimetres by 1000."
         )
-    if count < metres.size and array.dtype.kind != "u":
-        metres[~valid] = 0
-    return np.ascontiguousarray(metres)
+    if count < meters.size and array.dtype.kind != "u":
+        meters[~valid] = 0
+    return np.ascontiguousarray(meters)
 
 
 def _checked_instances(instances: npt.ArrayLike, shape: tuple[int, ...], label: str) -> npt.NDArray[np.int32]:

@@ -172,11 +172,11 @@ def to_networkx(data: Data) -> nx.Graph:
 
     height, width = data.image_size[0].tolist()
     graph = nx.Graph(name=data.name, height=height, width=width)
-    labelled = "edge_label" in data
+    labeled = "edge_label" in data
     named = data.x.shape[1] == len(NODE_NAMES)
     for node, (x, area) in enumerate(zip(data.x.tolist(), data.area.tolist(), strict=True)):
         graph.add_node(node, x=x, area=area, **(dict(zip(NODE_NAMES, x, strict=True)) if named else {}))
-        if labelled:
+        if labeled:
             graph.nodes[node]["instance"] = int(data.node_instance[node])
     pairs = data.edge_label_index.t().tolist()
     attributes = data.edge_attr[: len(pairs)].tolist()
@@ -186,6 +186,6 @@ def to_networkx(data: Data) -> nx.Graph:
     ):
         names = dict(zip(EDGE_NAMES, attribute, strict=True)) if named else {}
         graph.add_edge(i, j, edge_attr=attribute, border_length=length, **names)
-        if labelled:
+        if labeled:
             graph.edges[i, j]["label"] = float(data.edge_label[edge])
     return graph

@@ -16,7 +16,7 @@ from sgbd.adjacency import Adjacency, LabelMap, Pairs, border_pairs
 from sgbd.features import Geometry, edge_features, node_features, sums_of_pairs
 from sgbd.frame import IGNORE, Frame
 from sgbd.label_map import pack
-from sgbd.majority import labelled_instance
+from sgbd.majority import labeled_instance
 from sgbd.regions import PAIRS, region_and_border_sums
 
 MERGE, CUT, UNKNOWN = 1.0, 0.0, -1.0
@@ -74,7 +74,7 @@ def _truth(
     category_names: Sequence[str],
 ) -> GraphArrays:
     superpixel, instance, count = overlap_table(label_map, instances)
-    majority = labelled_instance(superpixel, instance, count, area)
+    majority = labeled_instance(superpixel, instance, count, area)
     known = (majority[pairs[0]] != IGNORE) & (majority[pairs[1]] != IGNORE)
     same = np.where(majority[pairs[0]] == majority[pairs[1]], MERGE, CUT)
     ids = np.unique(instance)

@@ -32,7 +32,7 @@ def majority_instance(
     return majority
 
 
-def labelled_instance(
+def labeled_instance(
     superpixel: npt.NDArray[np.integer],
     instance: npt.NDArray[np.integer],
     count: npt.NDArray[np.integer],

@@ -86,9 +86,9 @@ def draw_edges(panel: Axes, frame: Frame, segmentation: Segmentation, width: flo
     flat = segmentation.superpixels.ravel()
     rows, columns = np.divmod(np.arange(flat.size), frame.width)
     count = np.bincount(flat)
-    centre = np.stack([np.bincount(flat, columns), np.bincount(flat, rows)], axis=1) / count[:, None]
+    center = np.stack([np.bincount(flat, columns), np.bincount(flat, rows)], axis=1) / count[:, None]
     panel.imshow((frame.rgb * 0.45).astype(np.uint8))
-    lines = LineCollection(list(centre[segmentation.edge_index.T]), cmap="RdYlGn", norm=Normalize(0, 1))
+    lines = LineCollection(list(center[segmentation.edge_index.T]), cmap="RdYlGn", norm=Normalize(0, 1))
     lines.set_linewidth(width)
     lines.set_array(segmentation.edge_probability)
     panel.add_collection(lines)

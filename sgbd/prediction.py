@@ -12,7 +12,7 @@ import numpy as np
 from scipy.ndimage import find_objects
 
 from sgbd.atomic_file import write_whole
-from sgbd.frame import MILLIMETRES, Frame, Intrinsics
+from sgbd.frame import MILLIMETERS, Frame, Intrinsics
 from sgbd.overlay import overlay
 from sgbd.segmentation import Segmentation
 from sgbd.sources import ColorDepthRecording, Folder, FrameReadError, FrameSource, TumRecording, VideoPair
@@ -74,7 +74,7 @@ def find_frames(
     if not time_tolerance >= 0:
         raise ValueError(f"time_tolerance must be 0 or more, in seconds; got {time_tolerance}")
     place = Path(rgb).expanduser()
-    scale = MILLIMETRES if depth_scale is None else depth_scale
+    scale = MILLIMETERS if depth_scale is None else depth_scale
     if depth is None:
         if TumRecording.recognizes(place):
             return TumRecording(place, intrinsics, depth_scale or TUM_DEPTH_SCALE, time_tolerance)
@@ -121,7 +121,7 @@ class RecordedFrames(FrameSource):
         rgb: str | Path,
         depth: str | Path | None = None,
         intrinsics: Intrinsics | None = None,
-        depth_scale: float = MILLIMETRES,
+        depth_scale: float = MILLIMETERS,
     ) -> None:
         self.split = "test"
         self.rgb = Path(rgb).expanduser()

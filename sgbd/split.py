@@ -11,7 +11,7 @@ from sgbd.pipeline import frame_source
 from sgbd.sources.categories import TOD_GROUPS
 from sgbd.sources.split_report import write_split
 from sgbd.sources.tod import Tod
-from sgbd.sources.zero_shot_split import catalogue, draw_seen, zero_shot_split
+from sgbd.sources.zero_shot_split import catalog, draw_seen, zero_shot_split
 
 
 @entry_point("split")
@@ -27,7 +27,7 @@ def main(config: DictConfig) -> None:
         raise ConfigurationError(
             f"groups must hold each of the categories once: {', '.join(source.category_names)}; got {groups}"
         )
-    frames = catalogue(source, config.min_object_pixels, workers)
+    frames = catalog(source, config.min_object_pixels, workers)
     split = zero_shot_split(
         frames,
         seen=frozenset(config.seen or draw_seen(groups, config.seed)),

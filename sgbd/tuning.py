@@ -321,9 +321,9 @@ def _around(best: Any, tried: Iterable[Any]) -> list[Any]:
     below = [value for value in tried if value < best]
     above = [value for value in tried if value > best]
     between = [
-        (best + neighbour) / 2
-        for neighbour in (max(below, default=None), min(above, default=None))
-        if neighbour is not None
+        (best + neighbor) / 2
+        for neighbor in (max(below, default=None), min(above, default=None))
+        if neighbor is not None
     ]
     if isinstance(best, int):
         between = [round(value) for value in between]

@@ -51,8 +51,8 @@ def grid_graph(
     instance = (column * groups) // width
     labels = (instance[pairs[0]] == instance[pairs[1]]).float()
     data = graph_of_pairs(pairs, labels.tolist(), node.numel(), node_channels, edge_channels, seed)
-    colour = torch.rand(groups, node_channels, generator=generator) * 4
-    data.x = colour[instance] + 0.1 * torch.randn(node.numel(), node_channels, generator=generator)
+    color = torch.rand(groups, node_channels, generator=generator) * 4
+    data.x = color[instance] + 0.1 * torch.randn(node.numel(), node_channels, generator=generator)
     if edge_channels:
         difference = (data.x[data.edge_index[0]] - data.x[data.edge_index[1]]).norm(dim=1)
         data.edge_attr[:, 0] = difference

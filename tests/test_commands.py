@@ -69,10 +69,10 @@ def crop(frame: Frame, height: int, width: int) -> Frame:
 def hard_frames(folder: Path) -> None:
     """Frames of one instance, without any object, of one superpixel, and of one pixel."""
     flat = np.ones((40, 56), np.float32)
-    grey = np.full((40, 56, 3), 120, np.uint8)
-    write(Frame(grey, flat, instances=np.zeros(flat.shape, np.int32)), "one_instance", folder)
+    gray = np.full((40, 56, 3), 120, np.uint8)
+    write(Frame(gray, flat, instances=np.zeros(flat.shape, np.int32)), "one_instance", folder)
     table = np.where(np.arange(40)[:, None] < 20, 0, 1).repeat(56, 1).astype(np.int32)
-    write(Frame(grey + 60 * table[..., None].astype(np.uint8), flat + table, instances=table), "no_object", folder)
+    write(Frame(gray + 60 * table[..., None].astype(np.uint8), flat + table, instances=table), "no_object", folder)
     write(crop(scene(20), 4, 6), "few_pixels", folder)
     write(crop(scene(20), 1, 1), "one_pixel", folder)
 

@@ -40,8 +40,8 @@ def attention_by_hand(folder: Path, image: np.ndarray) -> np.ndarray:
         return x @ tensors[f"{name}.weight"].T + tensors[f"{name}.bias"]
 
     def norm(x, name):
-        centred = x - x.mean(-1, keepdims=True)
-        scaled = centred / np.sqrt((centred**2).mean(-1, keepdims=True) + config["layer_norm_eps"])
+        centered = x - x.mean(-1, keepdims=True)
+        scaled = centered / np.sqrt((centered**2).mean(-1, keepdims=True) + config["layer_norm_eps"])
         return scaled * tensors[f"{name}.weight"] + tensors[f"{name}.bias"]
 
     def softmax(x):

@@ -18,16 +18,16 @@ def rgb(height: int = 3, width: int = 4) -> npt.NDArray[np.uint8]:
     return np.arange(height * width * 3, dtype=np.uint8).reshape(height, width, 3)
 
 
-def metres(height: int = 3, width: int = 4, value: float = 1.5) -> npt.NDArray[np.float32]:
+def meters(height: int = 3, width: int = 4, value: float = 1.5) -> npt.NDArray[np.float32]:
     return np.full((height, width), value, dtype=np.float32)
 
 
 def test_a_valid_frame_keeps_its_values() -> None:
     instances = np.array([[-1, 0, 1, 2]] * 3, dtype=np.int64)
     camera = Intrinsics(10, 11, 2, 1)
-    frame = Frame(rgb(), metres(), camera, instances, {2: "mug"}, "one")
+    frame = Frame(rgb(), meters(), camera, instances, {2: "mug"}, "one")
     assert np.array_equal(frame.rgb, rgb())
-    assert np.array_equal(frame.depth, metres())
+    assert np.array_equal(frame.depth, meters())
     assert frame.instances is not None
     assert np.array_equal(frame.instances, instances)
     assert (frame.rgb.dtype, frame.depth.dtype, frame.instances.dtype) == (np.uint8, np.float32, np.int32)
@@ -56,12 +56,12 @@ def test_invalid_depth_becomes_missing() -> None:
 )
 def test_depth_is_finite_and_nonnegative_or_refused(depth: npt.NDArray[np.float32]) -> None:
     usable = np.isfinite(depth) & (depth > 0)
-    colours = np.zeros((*depth.shape, 3), dtype=np.uint8)
+    colors = np.zeros((*depth.shape, 3), dtype=np.uint8)
     if usable.any():
-        assert np.array_equal(Frame(colours, depth).depth, np.where(usable, depth, 0))
+        assert np.array_equal(Frame(colors, depth).depth, np.where(usable, depth, 0))
     else:
         with pytest.raises(FrameError, match="missing"):
-            Frame(colours, depth)
+            Frame(colors, depth)
 
 
 def test_the_callers_depth_is_left_alone() -> None:
@@ -71,13 +71,13 @@ def test_the_callers_depth_is_left_alone() -> None:
 
 
 def test_arrays_become_contiguous() -> None:
-    frame = Frame(rgb(4, 3).transpose(1, 0, 2), metres(4, 3).T, instances=np.zeros((4, 3), np.int32).T)
+    frame = Frame(rgb(4, 3).transpose(1, 0, 2), meters(4, 3).T, instances=np.zeros((4, 3), np.int32).T)
     assert frame.instances is not None
     assert all(array.flags.c_contiguous for array in (frame.rgb, frame.depth, frame.instances))
 
 
 @pytest.mark.parametrize(
-    ("colours", "message"),
+    ("colors", "message"),
     [
         (np.zeros((3, 4), np.uint8), r"shape \(3, 4\)"),
         (np.zeros((3, 4, 4), np.uint8), "alpha"),
@@ -85,22 +85,22 @@ def test_arrays_become_contiguous() -> None:
         (np.zeros((0, 4, 3), np.uint8), "no pixels"),
     ],
 )
-def test_bad_colours_are_refused(colours: npt.NDArray[np.generic], message: str) -> None:
+def test_bad_colours_are_refused(colors: npt.NDArray[np.generic], message: str) -> None:
     with pytest.raises(FrameError, match=message):
-        Frame(colours, metres())  # type: ignore[arg-type]
+        Frame(colors, meters())  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
     ("depth", "message"),
     [
-        (metres(3, 5), r"rgb is 4x3 and depth 5x3"),
+        (meters(3, 5), r"rgb is 4x3 and depth 5x3"),
         (np.ones((3, 4), np.uint8), "8 bits"),
         (np.ones((3, 4), np.bool_), "8 bits"),
         (np.ones((3, 4, 3), np.uint16), "picture of the depth"),
         (np.ones((3, 4), np.complex64), "complex64"),
         (np.zeros((3, 4), np.uint16), "every depth value is missing"),
         (np.full((3, 4), np.nan), "every depth value is missing"),
-        (metres(value=1500), "1500 m.*divide"),
+        (meters(value=1500), "1500 m.*divide"),
     ],
 )
 def test_bad_depth_is_refused(depth: npt.NDArray[np.generic], message: str) -> None:
@@ -118,21 +118,21 @@ def test_bad_depth_is_refused(depth: npt.NDArray[np.generic], message: str) -> N
 )
 def test_bad_instances_are_refused(instances: npt.NDArray[np.generic], message: str) -> None:
     with pytest.raises(FrameError, match=message):
-        Frame(rgb(), metres(), instances=instances)  # type: ignore[arg-type]
+        Frame(rgb(), meters(), instances=instances)  # type: ignore[arg-type]
 
 
 def test_an_error_names_the_frame() -> None:
     with pytest.raises(FrameError, match="scene_3/2"):
-        Frame(rgb(), metres(3, 5), name="scene_3/2")
+        Frame(rgb(), meters(3, 5), name="scene_3/2")
 
 
 def test_categories_need_integer_ids() -> None:
     with pytest.raises(FrameError, match="mug"):
-        Frame(rgb(), metres(), categories={"mug": 2})  # type: ignore[dict-item]
+        Frame(rgb(), meters(), categories={"mug": 2})  # type: ignore[dict-item]
 
 
 def test_unknown_camera_is_the_default() -> None:
-    assert Frame(rgb(480, 640), metres(480, 640)).camera == Intrinsics(569.6, 569.6, 319.5, 239.5)
+    assert Frame(rgb(480, 640), meters(480, 640)).camera == Intrinsics(569.6, 569.6, 319.5, 239.5)
 
 
 @pytest.mark.parametrize("field", ["fx", "fy"])
@@ -145,15 +145,15 @@ def test_a_camera_must_project(field: str, value: float) -> None:
 @pytest.mark.parametrize("camera", [(525, 525, 319.5, 239.5), np.eye(3), {"fx": 525, "fy": 525, "cx": 2, "cy": 1}])
 def test_a_camera_in_another_form_is_refused(camera: object) -> None:
     with pytest.raises(FrameError, match=rf"sgbd\.Intrinsics\(fx, fy, cx, cy\).*got {type(camera).__name__}"):
-        Frame(rgb(), metres(), camera)  # type: ignore[arg-type]
+        Frame(rgb(), meters(), camera)  # type: ignore[arg-type]
 
 
 def test_a_path_is_no_image() -> None:
     with pytest.raises(FrameError, match=r"rgb must be an array of the pixels; got str\. Read image files first"):
-        Frame("frame_rgb.png", metres())  # type: ignore[arg-type]
+        Frame("frame_rgb.png", meters())  # type: ignore[arg-type]
     with pytest.raises(FrameError, match="depth must be an array of the pixels; got NoneType"):
         Frame(rgb(), None)  # type: ignore[arg-type]
 
 
 def test_a_frame_is_shown_in_one_line() -> None:
-    assert repr(Frame(rgb(), metres(), name="one")) == "Frame('one', 4x3 pixels, unknown camera, without truth)"
+    assert repr(Frame(rgb(), meters(), name="one")) == "Frame('one', 4x3 pixels, unknown camera, without truth)"

@@ -1,6 +1,6 @@
 import numpy as np
 
-from sgbd.majority import labelled_instance, majority_instance
+from sgbd.majority import labeled_instance, majority_instance
 
 
 def test_most_pixels_then_the_smaller_id_then_unknown() -> None:
@@ -20,5 +20,5 @@ def test_a_superpixel_most_of_which_is_ignored_has_no_label() -> None:
     superpixel = np.array([0, 1, 2, 2])
     instance = np.array([2, 2, 3, 4])
     count = np.array([4, 5, 4, 6])
-    assert labelled_instance(superpixel, instance, count, np.full(4, 10)).tolist() == [-1, 2, 4, -1]
+    assert labeled_instance(superpixel, instance, count, np.full(4, 10)).tolist() == [-1, 2, 4, -1]
     assert majority_instance(superpixel, instance, count, 4).tolist() == [2, 2, 4, -1], "the oracle takes what is known"

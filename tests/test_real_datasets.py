@@ -16,7 +16,7 @@ from sgbd.configuration import config_folder
 from sgbd.sources import TOD_CATEGORIES, TODZ_SEEN, FrameSource, Tod
 from sgbd.sources.image import read_labels
 from tests.scenes import scene
-from tests.sources.real_layouts import SCENE_CAMERA, millimetres, save, write_mosd, write_ocid, write_osd
+from tests.sources.real_layouts import SCENE_CAMERA, millimeters, save, write_mosd, write_ocid, write_osd
 from tests.test_commands import Command, command, trained  # noqa: F401
 
 
@@ -28,7 +28,7 @@ def write_tod(root: Path, scenes: int = 3) -> None:
             assert frame.instances is not None
             path = root / folder / f"scene_{number:05d}"
             save(path / "rgb_00002.jpeg", frame.rgb)
-            save(path / "depth_00002.png", millimetres(frame))
+            save(path / "depth_00002.png", millimeters(frame))
             save(path / "segmentation_00002.png", frame.instances.astype(np.uint8))
             other = "02880940" if folder == "test_set" and number % 2 else "02946921"
             meshes = [f"/{synset}/a/model.obj" for synset in ("03797390", "02946921", other)]

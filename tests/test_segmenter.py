@@ -53,9 +53,9 @@ def test_a_frame_and_its_prepared_graph_are_segmented_alike(checkpoint: Checkpoi
 
 def test_arrays_in_metres_and_millimetres_give_the_same_objects(checkpoint: Checkpoint) -> None:
     segmenter, frame = Segmenter(checkpoint), scene(0)
-    millimetres = (frame.depth * 1000).round().astype(np.uint16)
-    metres = millimetres.astype(np.float32) * np.float32(0.001)
-    results = [segmenter.segment(frame.rgb, depth) for depth in (millimetres, metres)]
+    millimeters = (frame.depth * 1000).round().astype(np.uint16)
+    meters = millimeters.astype(np.float32) * np.float32(0.001)
+    results = [segmenter.segment(frame.rgb, depth) for depth in (millimeters, meters)]
     assert (results[0].instances == results[1].instances).all()
     assert results[0].instances.dtype == np.int32
     assert results[0].instances.shape == frame.depth.shape

@@ -43,11 +43,11 @@ class HierarchicalMerging(SuperpixelBaseline):
         )
         return segments.astype(np.int32) + 1
 
-    def _pooled_edge(self, graph: RAG, source: int, target: int, neighbour: int) -> dict[str, float]:
+    def _pooled_edge(self, graph: RAG, source: int, target: int, neighbor: int) -> dict[str, float]:
         """Return the edge of the merged node to a neighbour; the merged node has the attributes of `target` by now."""
-        edges = [graph[node][neighbour] for node in (source, target) if graph.has_edge(node, neighbour)]
+        edges = [graph[node][neighbor] for node in (source, target) if graph.has_edge(node, neighbor)]
         pooled = {key: sum(edge[key] for edge in edges) for key in ("known", "step")}
-        return {**pooled, "weight": self.graph.weight(graph.nodes[target], graph.nodes[neighbour], pooled)}
+        return {**pooled, "weight": self.graph.weight(graph.nodes[target], graph.nodes[neighbor], pooled)}
 
 
 def _pool_nodes(graph: RAG, source: int, target: int) -> None:

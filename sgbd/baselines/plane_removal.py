@@ -130,10 +130,10 @@ def ransac_plane(
         near = points[abs(points @ normal + offset) <= allowed]
         if len(near) < TRIPLE:
             break
-        centre = near.mean(0)
-        _, axes = np.linalg.eigh((near - centre).T @ (near - centre))
+        center = near.mean(0)
+        _, axes = np.linalg.eigh((near - center).T @ (near - center))
         normal = axes[:, 0]
-        offset = -normal @ centre
+        offset = -normal @ center
     return (normal, float(offset)) if offset >= 0 else (-normal, -float(offset))
 
 

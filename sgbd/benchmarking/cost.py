@@ -20,7 +20,7 @@ from sgbd.benchmarking.stages import STAGES, segment_in_stages
 from sgbd.benchmarking.timing import Stopwatch
 from sgbd.checkpoint import Checkpoint, find_checkpoint
 from sgbd.configuration import ConfigurationError
-from sgbd.frame import MILLIMETRES
+from sgbd.frame import MILLIMETERS
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameSource
 
@@ -104,7 +104,7 @@ def sample_frames(source: FrameSource, count: int) -> list[RawFrame]:
     frames = []
     for place in np.unique(np.linspace(0, len(source) - 1, count).round().astype(int)).tolist():
         frame = source[place]
-        depth = np.clip(frame.depth / MILLIMETRES, 0, 65535).round().astype(np.uint16)
+        depth = np.clip(frame.depth / MILLIMETERS, 0, 65535).round().astype(np.uint16)
         frames.append(RawFrame(frame.rgb, depth, frame.intrinsics, None, frame.name))
     if len({raw.depth.shape for raw in frames}) > 1:
         raise ConfigurationError("the frames have several sizes, so that times do not compare: choose cost_frames=1")

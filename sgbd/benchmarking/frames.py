@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sgbd.configuration import ConfigurationError
-from sgbd.frame import MILLIMETRES, Frame, Intrinsics
+from sgbd.frame import MILLIMETERS, Frame, Intrinsics
 from sgbd.sources import Folder
 
 OBJECTS = 14
@@ -64,8 +64,8 @@ def made_up_scene(width: int, height: int, seed: int) -> RawFrame:
     instances = np.where(wall, 0, 1).astype(np.int32)
     # From back to front, so that near objects cover far ones.
     for number, place in enumerate(np.sort(rng.uniform(horizon + 0.08, 0.95, OBJECTS)).tolist(), start=2):
-        centre, size = rng.uniform(0.05, 0.95), rng.uniform(0.05, 0.13)
-        x, y = (u - centre) / size, (v - place + size) / size
+        center, size = rng.uniform(0.05, 0.95), rng.uniform(0.05, 0.13)
+        x, y = (u - center) / size, (v - place + size) / size
         is_ball = rng.random() < 0.5
         inside = x**2 + y**2 < 1 if is_ball else (abs(x) < rng.uniform(0.6, 1)) & (abs(y) < 1)
         bulge = np.sqrt(np.clip(1 - x**2 - y**2, 0, 1)) if is_ball else np.where(y < -0.3, 0.5 + y / 2, 1 - x / 3)
@@ -82,7 +82,7 @@ def made_up_scene(width: int, height: int, seed: int) -> RawFrame:
     depth = np.where(missing, 0, depth + rng.normal(0, 0.002, depth.shape))
     return RawFrame(
         rgb=np.clip(rgb + rng.normal(0, 4, rgb.shape), 0, 255).astype(np.uint8),
-        depth=np.clip(depth / MILLIMETRES, 0, 65535).astype(np.uint16),
+        depth=np.clip(depth / MILLIMETERS, 0, 65535).astype(np.uint16),
         intrinsics=None,
         instances=instances,
         name=f"scene{seed}",
@@ -137,7 +137,7 @@ def _resampled(frame: Frame, size: tuple[int, int] | None) -> RawFrame:
         camera = Intrinsics(camera.fx * x, camera.fy * y, (camera.cx + 0.5) * x - 0.5, (camera.cy + 0.5) * y - 0.5)
     return RawFrame(
         rgb=np.ascontiguousarray(frame.rgb[grid]),
-        depth=np.clip(frame.depth[grid] / MILLIMETRES, 0, 65535).round().astype(np.uint16),
+        depth=np.clip(frame.depth[grid] / MILLIMETERS, 0, 65535).round().astype(np.uint16),
         intrinsics=camera,
         instances=None if frame.instances is None else np.ascontiguousarray(frame.instances[grid]),
         name=frame.name,

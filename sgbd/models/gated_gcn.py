@@ -10,7 +10,7 @@ from torch import Tensor
 from sgbd.models.gated_network import GatedLayer, GatedNetwork
 from sgbd.models.gated_pass import gated_pass
 from sgbd.models.in_evaluation import can_be_compiled
-from sgbd.models.neighbourhood import sum_by
+from sgbd.models.neighborhood import sum_by
 from sgbd.models.perceptron import Perceptron
 
 
@@ -46,14 +46,14 @@ class GatedConvolution(GatedLayer):
         Returns:
             New node states [N, C] and edge states [2E, C].
         """
-        neighbour, centre = edge_index
+        neighbor, center = edge_index
         # index_select, because the gradient of plain indexing takes twice as long on a CPU.
-        at_centre, at_neighbour, own, message = self.node_linear(nodes).chunk(4, dim=1)
+        at_center, at_neighbor, own, message = self.node_linear(nodes).chunk(4, dim=1)
         gate_logits = (
-            at_centre.index_select(0, centre) + at_neighbour.index_select(0, neighbour) + self.edge_linear(edges)
+            at_center.index_select(0, center) + at_neighbor.index_select(0, neighbor) + self.edge_linear(edges)
         )
         gates = torch.sigmoid(gate_logits)
-        gathered = sum_by(centre, torch.cat([gates * message.index_select(0, neighbour), gates], dim=1), nodes.size(0))
+        gathered = sum_by(center, torch.cat([gates * message.index_select(0, neighbor), gates], dim=1), nodes.size(0))
         weighted, total = gathered.chunk(2, dim=1)
         node_update = self.node_norm(own + weighted / (total + 1e-6))
         nodes = nodes + self.dropout(torch.relu(node_update))
@@ -106,12 +106,12 @@ class GatedGCN(GatedNetwork):
         if not can_be_compiled(self, x):
             return self.pass_messages(x, edge_attr, edge_index)
         # The compiled loop takes the edges in the order of the nodes that they lead to.
-        neighbour, centre = edge_index
-        order = torch.argsort(centre, stable=True)
+        neighbor, center = edge_index
+        order = torch.argsort(center, stable=True)
         first = torch.zeros(x.size(0) + 1, dtype=torch.int64)
-        torch.cumsum(torch.bincount(centre, minlength=x.size(0)), 0, out=first[1:])
+        torch.cumsum(torch.bincount(center, minlength=x.size(0)), 0, out=first[1:])
         nodes, edges = self.pass_messages_compiled(
-            x, edge_attr.index_select(0, order), first, neighbour.index_select(0, order)
+            x, edge_attr.index_select(0, order), first, neighbor.index_select(0, order)
         )
         return nodes, torch.empty_like(edges).index_copy_(0, order, edges)
 

@@ -29,7 +29,7 @@ def gated_pass(
     nodes: Floats,
     edges: Floats,
     first: npt.NDArray[np.int64],
-    neighbours: npt.NDArray[np.int64],
+    neighbors: npt.NDArray[np.int64],
     node_scale: Floats,
     node_shift: Floats,
     edge_scale: Floats,
@@ -43,14 +43,14 @@ def gated_pass(
         nodes: float32 [N, C], states of the nodes.
         edges: float32 [2E, C], states of the edges, those that lead to node 0 first, then those to node 1, and so on.
         first: int64 [N + 1], where the edges to each node begin; the last entry is 2E.
-        neighbours: int64 [2E], where each edge comes from.
+        neighbors: int64 [2E], where each edge comes from.
         node_scale: float32 [C], batch norm of the nodes as a factor.
         node_shift: float32 [C], and as what is added then.
         edge_scale: float32 [C], batch norm of the edges, in the same way.
         edge_shift: float32 [C].
     """
     arrays = (
-        projected, edge_terms, nodes, edges, first, neighbours, node_scale, node_shift, edge_scale, edge_shift
+        projected, edge_terms, nodes, edges, first, neighbors, node_scale, node_shift, edge_scale, edge_shift
     )  # fmt: skip
     threads = thread_count()
     side_by_side([partial(_update_nodes, *arrays, *band) for band in bands(len(nodes), threads)], threads)
@@ -58,30 +58,30 @@ def gated_pass(
 
 @compiled(fastmath=True)
 def _update_nodes(  # type: ignore[no-untyped-def]
-    projected, edge_terms, nodes, edges, first, neighbours, node_scale, node_shift, edge_scale, edge_shift, begin, end
+    projected, edge_terms, nodes, edges, first, neighbors, node_scale, node_shift, edge_scale, edge_shift, begin, end
 ):
     """Update the nodes `begin` to `end` - 1, and the edges that lead to them; the rest as of `gated_pass`."""
     channels = nodes.shape[1]
     weighted, total = np.empty(channels, np.float32), np.empty(channels, np.float32)
     gates, bits = np.empty(channels, np.float32), np.empty(channels, np.int32)
     power = bits.view(np.float32)
-    for centre in range(begin, end):
+    for center in range(begin, end):
         for c in range(channels):
             weighted[c] = _ZERO
             total[c] = _ZERO
-        for edge in range(first[centre], first[centre + 1]):
-            neighbour = neighbours[edge]
+        for edge in range(first[center], first[center + 1]):
+            neighbor = neighbors[edge]
             for c in range(channels):
-                logit = projected[centre, c] + projected[neighbour, channels + c] + edge_terms[edge, c]
+                logit = projected[center, c] + projected[neighbor, channels + c] + edge_terms[edge, c]
                 edges[edge, c] += max(logit * edge_scale[c] + edge_shift[c], _ZERO)
                 gates[c] = logit
             _sigmoid(gates, bits, power)
             for c in range(channels):
-                weighted[c] += gates[c] * projected[neighbour, 3 * channels + c]
+                weighted[c] += gates[c] * projected[neighbor, 3 * channels + c]
                 total[c] += gates[c]
         for c in range(channels):
-            update = projected[centre, 2 * channels + c] + weighted[c] / (total[c] + _EPSILON)
-            nodes[centre, c] += max(update * node_scale[c] + node_shift[c], _ZERO)
+            update = projected[center, 2 * channels + c] + weighted[c] / (total[c] + _EPSILON)
+            nodes[center, c] += max(update * node_scale[c] + node_shift[c], _ZERO)
 
 
 @compiled(fastmath=True)

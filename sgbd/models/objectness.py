@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from sgbd.frame import SUPPORT
-from sgbd.models.neighbourhood import mean_by
+from sgbd.models.neighborhood import mean_by
 from sgbd.models.perceptron import Perceptron
 from sgbd.models.standardize import Standardize
 
@@ -64,8 +64,8 @@ class ObjectnessHead(nn.Module):
                 "Select the same node features as in training."
             )
         x = self.standardize_nodes(data.x)
-        neighbour, centre = data.edge_index
-        around = mean_by(centre, x.index_select(0, neighbour), x.size(0))
+        neighbor, center = data.edge_index
+        around = mean_by(center, x.index_select(0, neighbor), x.size(0))
         graph = getattr(data, "batch", None)
         if graph is None:
             whole = x.mean(0, keepdim=True).expand_as(x)

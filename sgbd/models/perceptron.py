@@ -32,8 +32,8 @@ class RowNorm(nn.Module):
         """Normalise rows [R, channels]."""
         norm = self.module
         if not self.training or rows.size(0) > 1:
-            normalised: Tensor = norm(rows)
-            return normalised
+            normalized: Tensor = norm(rows)
+            return normalized
         return batch_norm(rows, norm.running_mean, norm.running_var, norm.weight, norm.bias, False, 0.0, norm.eps)
 
     def fold(self, weight: Tensor, bias: Tensor) -> tuple[Tensor, Tensor]:

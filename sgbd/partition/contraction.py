@@ -158,8 +158,8 @@ def _contract(
             upcoming = following[half]
             edge = half >> 1
             if alive[edge]:
-                neighbour = end[half ^ 1]
-                parallel = edge_to[neighbour]
+                neighbor = end[half ^ 1]
+                parallel = edge_to[neighbor]
                 if parallel >= 0:
                     if linkage == _ABSOLUTE_MAXIMUM:
                         if abs(total[edge]) > abs(total[parallel]):

@@ -89,12 +89,12 @@ def kernighan_lin(
 @compiled
 def _refine(
     offset: NDArray[np.int64],
-    neighbour: NDArray[np.int64],
+    neighbor: NDArray[np.int64],
     weight: NDArray[np.float64],
     segment: NDArray[np.int64],
     max_rounds: int,
 ) -> None:
-    """Improve `segment` in place; the neighbours of node v are `neighbour[offset[v] : offset[v + 1]]`."""
+    """Improve `segment` in place; the neighbours of node v are `neighbor[offset[v] : offset[v + 1]]`."""
     num_nodes = len(segment)
     # Members of each segment as a doubly linked list; a label without any is free for the next split.
     head = np.full(num_nodes, -1, dtype=np.int64)
@@ -107,15 +107,15 @@ def _refine(
     moved = np.zeros(num_nodes, dtype=np.bool_)
     sequence = np.empty(num_nodes, dtype=np.int64)
     # A node enters the heap once for itself and once for every neighbour that moves.
-    heap_key = np.empty(len(neighbour) + num_nodes, dtype=np.float64)
-    heap_node = np.empty(len(neighbour) + num_nodes, dtype=np.int64)
+    heap_key = np.empty(len(neighbor) + num_nodes, dtype=np.float64)
+    heap_node = np.empty(len(neighbor) + num_nodes, dtype=np.int64)
     changed = np.ones(num_nodes, dtype=np.bool_)
     for _ in range(max_rounds):
-        keys = np.empty(len(neighbour), dtype=np.int64)
+        keys = np.empty(len(neighbor), dtype=np.int64)
         count = 0
         for node in range(num_nodes):
             for k in range(offset[node], offset[node + 1]):
-                a, b = segment[node], segment[neighbour[k]]
+                a, b = segment[node], segment[neighbor[k]]
                 if a < b and (changed[a] or changed[b]):
                     keys[count] = a * num_nodes + b
                     count += 1
@@ -126,7 +126,7 @@ def _refine(
         for key in borders:
             a, b = key // num_nodes, key % num_nodes
             if head[a] >= 0 and head[b] >= 0 and _improve(
-                a, b, offset, neighbour, weight, segment, head, following, preceding,
+                a, b, offset, neighbor, weight, segment, head, following, preceding,
                 gain, moved, sequence, heap_key, heap_node, tolerance,
             ):  # fmt: skip
                 changed[a] = changed[b] = improved = True
@@ -139,7 +139,7 @@ def _refine(
             if empty == num_nodes:
                 break
             if _improve(
-                a, empty, offset, neighbour, weight, segment, head, following, preceding,
+                a, empty, offset, neighbor, weight, segment, head, following, preceding,
                 gain, moved, sequence, heap_key, heap_node, tolerance,
             ):  # fmt: skip
                 changed[a] = changed[empty] = improved = True
@@ -153,7 +153,7 @@ def _improve(
     a: int,
     b: int,
     offset: NDArray[np.int64],
-    neighbour: NDArray[np.int64],
+    neighbor: NDArray[np.int64],
     weight: NDArray[np.float64],
     segment: NDArray[np.int64],
     head: NDArray[np.int64],
@@ -178,7 +178,7 @@ def _improve(
             moved[node] = False
             at_border = head[there] < 0
             for k in range(offset[node], offset[node + 1]):
-                other = segment[neighbour[k]]
+                other = segment[neighbor[k]]
                 if other == there:
                     gain[node] += weight[k]
                     between += 0.5 * weight[k]
@@ -208,7 +208,7 @@ def _improve(
         if total > best + tolerance:
             best, best_length = total, length
         for k in range(offset[node], offset[node + 1]):
-            other = neighbour[k]
+            other = neighbor[k]
             if (segment[other] == a or segment[other] == b) and not moved[other]:
                 gain[other] += 2 * weight[k] if segment[other] == here else -2 * weight[k]
                 size = push(heap_key, heap_node, size, gain[other], other)

@@ -77,7 +77,7 @@ def read_camera_file(path: str | Path) -> CameraFile:
         form, intrinsics = _intrinsics(inner)
         size = (int(inner["width"]), int(inner["height"])) if {"width", "height"} <= set(inner) else None
         scale = inner.get("depth_scale", outer.get("depth_scale"))
-        depth_scale = None if scale is None else _metres_a_unit(float(scale))
+        depth_scale = None if scale is None else _meters_a_unit(float(scale))
         distorted = bool(np.any(np.asarray(inner.get("coeffs", []), np.float64)))
     except KeyError as error:
         raise FrameReadError(
@@ -109,7 +109,7 @@ def _intrinsics(values: Mapping[str, Any]) -> tuple[str, Intrinsics]:
     return "librealsense", Intrinsics(fx, fy, cx, cy)
 
 
-def _metres_a_unit(scale: float) -> float:
+def _meters_a_unit(scale: float) -> float:
     if not 0 < scale < float("inf"):
         raise FrameError(f"depth_scale must be positive; got {scale}")
     return 1 / scale if scale >= 1 else scale

@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from sgbd.frame import MILLIMETRES, Frame, Intrinsics
+from sgbd.frame import MILLIMETERS, Frame, Intrinsics
 from sgbd.sources.camera import intrinsics_from, intrinsics_option
 from sgbd.sources.camera_file import CAMERA_FILES, CameraFile, find_camera_file, read_camera_file
 from sgbd.sources.dataset_folder import DatasetFolder
@@ -91,7 +91,7 @@ root/
     def depth_scale(self) -> float:
         """Metres of one unit of the depth images: as given, or of the camera's file, or a millimetre."""
         stated = self.camera_file.depth_scale if self.camera_file else None
-        return self._given_depth_scale or stated or MILLIMETRES
+        return self._given_depth_scale or stated or MILLIMETERS
 
     def files(self, index: int) -> tuple[Path, ...]:
         """Return the colour and the depth image of a frame."""

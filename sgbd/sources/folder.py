@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from sgbd.frame import MILLIMETRES, Frame, Intrinsics
+from sgbd.frame import MILLIMETERS, Frame, Intrinsics
 from sgbd.sources.camera import intrinsics_from, intrinsics_option
 from sgbd.sources.dataset_folder import DatasetFolder
 from sgbd.sources.errors import FrameReadError
@@ -71,7 +71,7 @@ root may hold train/, val/ and test/, each of this layout.
         split: str = "test",
         labels: LabelRule | str = "auto",
         intrinsics: Intrinsics | Mapping[str, Any] | None = None,
-        depth_scale: float = MILLIMETRES,
+        depth_scale: float = MILLIMETERS,
     ) -> None:
         if split not in SPLITS:
             raise ValueError(f"no split {split!r}; choose from {', '.join(SPLITS)}")
@@ -98,13 +98,13 @@ root may hold train/, val/ and test/, each of this layout.
         """The rule that label images are read with."""
         if isinstance(self._labels, LabelRule):
             return self._labels
-        labelled = [frame for frame in self._frames if frame.labels is not None]
+        labeled = [frame for frame in self._frames if frame.labels is not None]
         # Evenly spaced, so that a change of scene does not hide what other frames look like.
-        step = max(1, -(-len(labelled) // _DETECTION_FRAMES))
+        step = max(1, -(-len(labeled) // _DETECTION_FRAMES))
         rule = detect_label_rule(
-            pair for frame in labelled[::step] if (pair := _labels_and_depth(frame, self.depth_scale)) is not None
+            pair for frame in labeled[::step] if (pair := _labels_and_depth(frame, self.depth_scale)) is not None
         )
-        if labelled:
+        if labeled:
             info_once(
                 log,
                 "%s: labels are read as %s (%s); the dataset's `labels` option overrides it",

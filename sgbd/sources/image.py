@@ -9,14 +9,14 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from sgbd.frame import MILLIMETRES
+from sgbd.frame import MILLIMETERS
 from sgbd.sources.errors import FrameReadError
 
 IMAGE_SUFFIXES = (".png", ".jpeg", ".jpg")
 """File name endings of the images that are read, in lower case."""
 
-_GREY_8_BIT = ("1", "L", "P")
-_GREY_DEEP = ("I", "I;16", "I;16B", "I;16L", "I;16N")
+_GRAY_8_BIT = ("1", "L", "P")
+_GRAY_DEEP = ("I", "I;16", "I;16B", "I;16L", "I;16N")
 
 
 def checked_depth_scale(depth_scale: float) -> float:
@@ -46,14 +46,14 @@ def read_rgb(path: str | Path) -> npt.NDArray[np.uint8]:
         FrameReadError: If the file is missing, truncated, damaged, neither PNG nor JPEG, or holds 16-bit grey values.
     """
     image = _decode(path)
-    if image.mode in _GREY_DEEP or image.mode == "F":
+    if image.mode in _GRAY_DEEP or image.mode == "F":
         raise FrameReadError(
             path, "a colour image is expected, this one has 16-bit grey values; are rgb and depth swapped?"
         )
     return np.array(image if image.mode == "RGB" else image.convert("RGB"))
 
 
-def read_depth(path: str | Path, scale: float = MILLIMETRES) -> npt.NDArray[np.float32]:
+def read_depth(path: str | Path, scale: float = MILLIMETERS) -> npt.NDArray[np.float32]:
     """Read a depth image.
 
     Args:
@@ -67,13 +67,13 @@ def read_depth(path: str | Path, scale: float = MILLIMETRES) -> npt.NDArray[np.f
         FrameReadError: If the file is missing, truncated, damaged, no PNG, or has 8 bits or several channels a pixel.
     """
     image = _decode(path, lossless="depth")
-    if image.mode in _GREY_8_BIT:
+    if image.mode in _GRAY_8_BIT:
         raise FrameReadError(
             path,
             "the depth has 8 bits a pixel, too few for distances (a picture made for viewing?). "
             "Export the sensor's values as 16-bit PNG in millimetres.",
         )
-    if image.mode not in _GREY_DEEP:
+    if image.mode not in _GRAY_DEEP:
         raise FrameReadError(
             path,
             f"the depth has {len(image.getbands())} channels ({image.mode}), a picture of the depth and not the depth. "
@@ -95,7 +95,7 @@ def read_labels(path: str | Path) -> npt.NDArray[np.int32]:
         FrameReadError: If the file is missing, truncated, damaged, no PNG or has several channels.
     """
     image = _decode(path, lossless="labels")
-    if image.mode not in _GREY_8_BIT and image.mode not in _GREY_DEEP:
+    if image.mode not in _GRAY_8_BIT and image.mode not in _GRAY_DEEP:
         raise FrameReadError(
             path,
             f"labels need one channel with an integer id a pixel; this image has {len(image.getbands())} "

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sgbd.frame import MILLIMETRES, Frame, Intrinsics
+from sgbd.frame import MILLIMETERS, Frame, Intrinsics
 from sgbd.sources.camera import intrinsics_from, intrinsics_option
 from sgbd.sources.dataset_folder import DatasetFolder
 from sgbd.sources.image import checked_depth_scale, read_depth, read_rgb
@@ -94,7 +94,7 @@ root/
         labels: LabelRule = PLAIN,
         table_labels: LabelRule = TABLE_SCENE,
         depth: str = "depth",
-        depth_scale: float = MILLIMETRES,
+        depth_scale: float = MILLIMETERS,
         intrinsics: Intrinsics | Mapping[str, Any] | None = XTION,
     ) -> None:
         self.parts = checked_parts({"test": SUBSETS} if parts is None else parts, split)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from sgbd.frame import MILLIMETRES, Frame, Intrinsics
+from sgbd.frame import MILLIMETERS, Frame, Intrinsics
 from sgbd.sources.camera import intrinsics_from, intrinsics_option
 from sgbd.sources.dataset_folder import DatasetFolder
 from sgbd.sources.errors import FrameReadError
@@ -80,7 +80,7 @@ root/
         split: str = "test",
         parts: Mapping[str, Iterable[str]] | None = None,
         depth: str = "disparity",
-        depth_scale: float = MILLIMETRES,
+        depth_scale: float = MILLIMETERS,
         labels: LabelRule = OSD,
         intrinsics: Intrinsics | Mapping[str, Any] | None = KINECT,
     ) -> None:

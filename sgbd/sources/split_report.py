@@ -12,13 +12,13 @@ from omegaconf import OmegaConf
 
 from sgbd.atomic_file import write_whole
 from sgbd.sources.tod import Tod
-from sgbd.sources.zero_shot_split import POOLS, SETS, Catalogue, ZeroShotSplit
+from sgbd.sources.zero_shot_split import POOLS, SETS, Catalog, ZeroShotSplit
 
 
 def write_split(
     folder: Path,
     source: Tod,
-    frames: Catalogue,
+    frames: Catalog,
     split: ZeroShotSplit,
     groups: Mapping[str, Sequence[str]],
     name: str,
@@ -52,7 +52,7 @@ def write_split(
     return report
 
 
-def split_report(frames: Catalogue, split: ZeroShotSplit, groups: Mapping[str, Sequence[str]]) -> str:
+def split_report(frames: Catalog, split: ZeroShotSplit, groups: Mapping[str, Sequence[str]]) -> str:
     """Return what a split holds, as Markdown."""
     names = list(frames.category_names)
     numbers = {key: frames.objects[split.sets[key]].sum(axis=0) for key in SETS}

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from sgbd.frame import MILLIMETRES, Frame, Intrinsics
+from sgbd.frame import MILLIMETERS, Frame, Intrinsics
 from sgbd.sources.camera import intrinsics_from, intrinsics_option
 from sgbd.sources.errors import FrameReadError, MissingExtraError
 from sgbd.sources.image import checked_depth_scale
@@ -62,7 +62,7 @@ class VideoPair(FrameSource):
         rgb: str | Path,
         depth: str | Path,
         intrinsics: Intrinsics | Mapping[str, Any] | None = None,
-        depth_scale: float = MILLIMETRES,
+        depth_scale: float = MILLIMETERS,
     ) -> None:
         self.split = "test"
         self.rgb = Path(rgb).expanduser()

@@ -35,7 +35,7 @@ class SplitError(ValueError):
 
 
 @dataclass(frozen=True, eq=False)
-class Catalogue:
+class Catalog:
     """What the frames of a dataset show.
 
     Attributes:
@@ -77,7 +77,7 @@ class ZeroShotSplit:
     scenes: dict[str, int]
 
 
-def catalogue(source: Tod, min_object_pixels: int, workers: int = 0, progress: bool = True) -> Catalogue:
+def catalog(source: Tod, min_object_pixels: int, workers: int = 0, progress: bool = True) -> Catalog:
     """Look at every frame of all folders of a dataset; lists that divide it already are not heeded.
 
     Args:
@@ -111,7 +111,7 @@ def catalogue(source: Tod, min_object_pixels: int, workers: int = 0, progress: b
         files += [folder.files(index)[0].relative_to(source.root).as_posix() for index in range(len(folder))]
         scenes += [name.rpartition("/")[0] for name in folder.names]
     counts = np.array(rows, np.int64).reshape(len(rows), 2, -1)
-    return Catalogue(
+    return Catalog(
         files=tuple(files),
         scenes=tuple(scenes),
         category_names=source.category_names,
@@ -136,7 +136,7 @@ def draw_seen(groups: Mapping[str, Sequence[str]], seed: int) -> frozenset[str]:
 
 
 def zero_shot_split(
-    frames: Catalogue,
+    frames: Catalog,
     seen: Collection[str],
     sizes: Mapping[str, int | None],
     shares: Mapping[str, float],

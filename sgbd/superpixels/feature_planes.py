@@ -107,24 +107,24 @@ def write_depth(depth, percentile, scale, histogram, planes):  # type: ignore[no
     nearest, farthest = np.float32(np.inf), np.float32(FARTHEST * 0.001)
     for row in range(height):
         for column in range(width):
-            metres = depth[row, column]
-            millimetres = int(metres * np.float32(1000) + np.float32(0.5)) if metres < farthest else FARTHEST
-            histogram[millimetres] += 1
-            if 0 < metres < nearest:
-                nearest = metres
+            meters = depth[row, column]
+            millimeters = int(meters * np.float32(1000) + np.float32(0.5)) if meters < farthest else FARTHEST
+            histogram[millimeters] += 1
+            if 0 < meters < nearest:
+                nearest = meters
     # Bin 0 holds the missing pixels, and any so near that they would be missing in a 16-bit image.
     rank = percentile / 100 * (height * width - histogram[0])
-    passed, millimetres = 0, 0
+    passed, millimeters = 0, 0
     while passed < rank:
-        millimetres += 1
-        passed += histogram[millimetres]
-    ceiling = np.float32(millimetres * 0.001)
+        millimeters += 1
+        passed += histogram[millimeters]
+    ceiling = np.float32(millimeters * 0.001)
     stretch = scale / (ceiling - nearest) if ceiling > nearest else np.float32(0)
     for row in range(height):
         for column in range(width):
-            metres = depth[row, column]
-            valid = np.float32(1) if metres > 0 else np.float32(0)
-            clipped = metres if metres < ceiling else ceiling
+            meters = depth[row, column]
+            valid = np.float32(1) if meters > 0 else np.float32(0)
+            clipped = meters if meters < ceiling else ceiling
             planes[0, row, column] = valid * (clipped - nearest) * stretch
             planes[1, row, column] = valid
             planes[2, row, column] = np.float32(0)

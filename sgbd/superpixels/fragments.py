@@ -147,7 +147,7 @@ def _merge_round(pieces, groups, facts, fragments, parents, met, border):  # typ
     height, width = pieces.shape
     for fragment in fragments:
         fact = facts[fragment]
-        neighbours = 0
+        neighbors = 0
         for row in range(fact[TOP], fact[BOTTOM] + 1):
             for column in range(fact[LEFT], fact[RIGHT] + 1):
                 if groups[pieces[row, column]] != fragment:
@@ -161,17 +161,17 @@ def _merge_round(pieces, groups, facts, fragments, parents, met, border):  # typ
                     other = groups[pieces[r, c]]
                     if other != fragment:
                         if border[other] == 0:
-                            met[neighbours] = other
-                            neighbours += 1
+                            met[neighbors] = other
+                            neighbors += 1
                         border[other] += 1
         best = met[0]
-        for k in range(1, neighbours):
+        for k in range(1, neighbors):
             other = met[k]
             longer = border[other] - border[best]
             larger = facts[other, PIXELS] - facts[best, PIXELS]
             if longer > 0 or (longer == 0 and (larger > 0 or (larger == 0 and other < best))):
                 best = other
-        for k in range(neighbours):
+        for k in range(neighbors):
             border[met[k]] = 0
         _join(parents, fragment, best)
 

@@ -28,7 +28,7 @@ Planes = npt.NDArray[np.float32]
 """float32 [3, H, W]. Colours: L, a, b. Depth: w z, w and 0, where w is 1 for valid pixels and 0 for missing ones."""
 
 # What a pixel is compared by, and what a centre is: three features, and the position in pixels.
-ROW, COLUMN, CENTRE = 3, 4, 5
+ROW, COLUMN, CENTER = 3, 4, 5
 
 # The coefficients of a form: of the three features and the position, in the same order, and of 1.
 CONSTANT, FORM = 5, 6
@@ -138,19 +138,19 @@ def cluster(planes: Planes, cells: Cells, weighted: bool, iterations: int, subsa
         float32 [cells, 6], the *forms* of the centres, for `assign`.
     """
     samples = Samples.of(cells, subsample)
-    values = np.empty((CENTRE, len(samples.pixels)), np.float32)
+    values = np.empty((CENTER, len(samples.pixels)), np.float32)
     values[ROW:] = samples.positions
     _pick(planes.reshape(3, -1), samples.pixels, values)
     # A centre without features stays where it started. That its second plane is 0 tells _expand that it knows no depth.
-    centres = np.zeros((len(cells), CENTRE), np.float32)
-    centres[:, ROW] = np.repeat((cells.tops[:-1] + cells.tops[1:] - 1) / 2, len(cells.lefts) - 1)
-    centres[:, COLUMN] = np.tile((cells.lefts[:-1] + cells.lefts[1:] - 1) / 2, len(cells.tops) - 1)
+    centers = np.zeros((len(cells), CENTER), np.float32)
+    centers[:, ROW] = np.repeat((cells.tops[:-1] + cells.tops[1:] - 1) / 2, len(cells.lefts) - 1)
+    centers[:, COLUMN] = np.tile((cells.lefts[:-1] + cells.lefts[1:] - 1) / 2, len(cells.tops) - 1)
     forms = np.empty((len(cells), FORM), np.float32)
     labels = np.repeat(np.arange(len(cells), dtype=np.int32), np.diff(samples.offsets))
-    sums = np.empty((len(cells), CENTRE + 1))
+    sums = np.empty((len(cells), CENTER + 1))
     distances = np.empty((9, max(1, int(np.diff(samples.offsets).max()))), np.float32)
     scale = np.float32(1 / cells.step**2)
-    _cluster(values, samples.offsets, cells.near, scale, weighted, iterations, labels, sums, distances, centres, forms)
+    _cluster(values, samples.offsets, cells.near, scale, weighted, iterations, labels, sums, distances, centers, forms)
     return forms
 
 
@@ -163,44 +163,44 @@ def _pick(planes, pixels, values):  # type: ignore[no-untyped-def]
 
 @compiled
 def _cluster(  # type: ignore[no-untyped-def]
-    values, offsets, near, scale, weighted, iterations, labels, sums, distances, centres, forms
+    values, offsets, near, scale, weighted, iterations, labels, sums, distances, centers, forms
 ):
-    _update(values, labels, weighted, sums, centres)
-    _expand(centres, scale, weighted, forms)
+    _update(values, labels, weighted, sums, centers)
+    _expand(centers, scale, weighted, forms)
     for _ in range(iterations):
         for cell in range(len(near)):
             first, last = offsets[cell], offsets[cell + 1]
             _nearest_of_nine(values, first, offsets[0], offsets[0], near[cell], forms, distances, labels[first:last])
-        _update(values, labels, weighted, sums, centres)
-        _expand(centres, scale, weighted, forms)
+        _update(values, labels, weighted, sums, centers)
+        _expand(centers, scale, weighted, forms)
 
 
 @compiled
-def _update(values, labels, weighted, sums, centres):  # type: ignore[no-untyped-def]
+def _update(values, labels, weighted, sums, centers):  # type: ignore[no-untyped-def]
     """Move every centre to the mean of its samples that have features; one without any stays."""
-    for centre in range(len(centres)):
-        for k in range(CENTRE + 1):
-            sums[centre, k] = 0.0
+    for center in range(len(centers)):
+        for k in range(CENTER + 1):
+            sums[center, k] = 0.0
     for sample in range(len(labels)):
         if weighted and values[1, sample] == 0:
             continue
         total = sums[labels[sample]]
-        for k in range(CENTRE):
+        for k in range(CENTER):
             total[k] += values[k, sample]
-        total[CENTRE] += 1
-    for centre in range(len(centres)):
-        if sums[centre, CENTRE] > 0:
-            for k in range(CENTRE):
-                centres[centre, k] = sums[centre, k] / sums[centre, CENTRE]
+        total[CENTER] += 1
+    for center in range(len(centers)):
+        if sums[center, CENTER] > 0:
+            for k in range(CENTER):
+                centers[center, k] = sums[center, k] / sums[center, CENTER]
 
 
 @compiled
-def _expand(centres, scale, weighted, forms):  # type: ignore[no-untyped-def]
+def _expand(centers, scale, weighted, forms):  # type: ignore[no-untyped-def]
     """Expand the squared distance to each centre into its coefficients, without what depends on the pixel alone."""
-    for centre in range(len(centres)):
-        row, column = centres[centre, ROW], centres[centre, COLUMN]
-        first, second, third = centres[centre, 0], centres[centre, 1], centres[centre, 2]
-        form = forms[centre]
+    for center in range(len(centers)):
+        row, column = centers[center, ROW], centers[center, COLUMN]
+        first, second, third = centers[center, 0], centers[center, 1], centers[center, 2]
+        form = forms[center]
         form[ROW], form[COLUMN] = np.float32(-2) * row * scale, np.float32(-2) * column * scale
         form[CONSTANT] = (row * row + column * column) * scale
         form[0] = np.float32(-2) * first
@@ -225,7 +225,7 @@ def work_space(cells: Cells) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.fl
         their distances, float32 [9, B], and what they are labelled, int32 [B].
     """
     batch = max(BATCH, int(np.diff(cells.lefts).max()))
-    return np.empty((CENTRE, batch), np.float32), np.empty((9, batch), np.float32), np.empty(batch, np.int32)
+    return np.empty((CENTER, batch), np.float32), np.empty((9, batch), np.float32), np.empty(batch, np.int32)
 
 
 @compiled

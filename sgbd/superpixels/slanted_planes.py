@@ -76,9 +76,9 @@ def write_inverse_depth(depth, scale, plane, first, last):  # type: ignore[no-un
     for row in range(first, last):
         source, target = depth[row], plane[row]
         for column in range(depth.shape[1]):
-            metres = source[column]
+            meters = source[column]
             target[column] = (
-                scale / (metres if metres > nearest else nearest) if metres > np.float32(0) else np.float32(0)
+                scale / (meters if meters > nearest else nearest) if meters > np.float32(0) else np.float32(0)
             )
 
 
@@ -180,9 +180,9 @@ def _update(values, labels, begin, end, scale, robust, sums, places, forms, firs
         first: First of the centres.
         last: The centre after the last.
     """
-    for centre in range(first, last):
+    for center in range(first, last):
         for k in range(_SUMS):
-            sums[centre, k] = 0.0
+            sums[center, k] = 0.0
     for sample in range(begin, end):
         own = np.int64(labels[sample])
         if own < first or own >= last:
@@ -212,12 +212,12 @@ def _update(values, labels, begin, end, scale, robust, sums, places, forms, firs
             sums[own, _PLANE_SUMS + 6] += d
             sums[own, _PLANE_SUMS + 7] += d * y
             sums[own, _PLANE_SUMS + 8] += d * x
-    for centre in range(first, last):
-        total, form = sums[centre], forms[centre]
+    for center in range(first, last):
+        total, form = sums[center], forms[center]
         count = total[0]
         if count == 0:
             continue
-        old_row, old_column = places[centre]
+        old_row, old_column = places[center]
         valid = total[_PLANE_SUMS]
         if valid >= ENOUGH:
             level, down, right, _ = plane_fit(total[_PLANE_SUMS:], 0.0)
@@ -225,7 +225,7 @@ def _update(values, labels, begin, end, scale, robust, sums, places, forms, firs
             form[PLANE + 1], form[PLANE + 2] = down, right
             form[WEIGHT] = 1
         row, column = old_row + total[1] / count, old_column + total[2] / count
-        places[centre, 0], places[centre, 1] = row, column
+        places[center, 0], places[center, 1] = row, column
         lightness, a, b = total[3] / count, total[4] / count, total[5] / count
         share = valid / count
         form[0], form[1], form[2] = -2 * lightness, -2 * a, -2 * b

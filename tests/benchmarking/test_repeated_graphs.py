@@ -20,4 +20,4 @@ def test_every_graph_comes_by_turns_under_a_name_of_its_own(tmp_path: Path) -> N
     for number, graph in enumerate(many):
         assert torch.equal(graph.x, few[number % 3].x)
         assert graph.x.data_ptr() != many[(number + 3) % 8].x.data_ptr()
-    assert len(many.labelled()) == 8
+    assert len(many.labeled()) == 8

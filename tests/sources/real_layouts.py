@@ -21,7 +21,7 @@ def save(path: Path, array: npt.NDArray) -> None:
     Image.fromarray(array).save(path)
 
 
-def millimetres(frame: Frame) -> npt.NDArray[np.uint16]:
+def millimeters(frame: Frame) -> npt.NDArray[np.uint16]:
     return (frame.depth * 1000).round().astype(np.uint16)
 
 
@@ -93,7 +93,7 @@ def write_osd(root: Path, clouds: bool = False) -> dict[str, Frame]:
         if clouds:
             write_cloud(root / "pcd" / f"{name}.pcd", frame, None, "binary_compressed")
         else:
-            save(root / "disparity" / f"{name}.png", millimetres(frame))
+            save(root / "disparity" / f"{name}.png", millimeters(frame))
     return frames
 
 
@@ -130,6 +130,6 @@ def write_ocid(root: Path, clouds: bool = False) -> dict[str, Frame]:
             if clouds:
                 write_cloud(folder / "pcd" / f"{name}.pcd", frame, None, "binary")
             else:
-                save(folder / "depth" / f"{name}.png", millimetres(frame))
+                save(folder / "depth" / f"{name}.png", millimeters(frame))
             frames[f"{sequence}/{name}"] = frame
     return frames

@@ -18,7 +18,7 @@ from sgbd.sources import DatasetNotFoundError, Folder, FrameReadError, LabelRule
 from sgbd.sources.label_rule import MOSD, PLAIN
 
 DEPTH = np.array([[0, 500], [1000, 1500]], np.uint16)
-COLOURS = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
+COLORS = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
 CONF = Path(__file__).parents[2] / "conf/dataset"
 
 
@@ -28,7 +28,7 @@ def save(path: Path, array: npt.NDArray[np.generic]) -> None:
 
 
 def write_triple(folder: Path, name: str, labels: list[list[int]] | None = None) -> None:
-    save(folder / f"{name}_rgb.png", COLOURS)
+    save(folder / f"{name}_rgb.png", COLORS)
     save(folder / f"{name}_depth.png", DEPTH)
     if labels is not None:
         save(folder / f"{name}_labels.png", np.array(labels, np.uint8))
@@ -38,23 +38,23 @@ def test_triples_are_read(tmp_path: Path) -> None:
     write_triple(tmp_path, "b", [[0, 1], [2, 3]])
     write_triple(tmp_path, "a_rgb_1")
     (tmp_path / "notes.txt").write_text("not a frame")
-    save(tmp_path / "overview.png", COLOURS)
+    save(tmp_path / "overview.png", COLORS)
     source = Folder(tmp_path)
     assert source.names == ("a_rgb_1", "b")
     assert source.splits == ("test",)
-    unlabelled, labelled = source
-    assert unlabelled.instances is None
-    assert np.array_equal(labelled.rgb, COLOURS)
-    assert labelled.depth.ravel().tolist() == pytest.approx([0, 0.5, 1, 1.5])
-    assert labelled.instances is not None
-    assert labelled.instances.tolist() == [[0, 1], [2, 3]]
-    assert (labelled.name, labelled.intrinsics, labelled.categories) == ("b", None, {})
+    unlabeled, labeled = source
+    assert unlabeled.instances is None
+    assert np.array_equal(labeled.rgb, COLORS)
+    assert labeled.depth.ravel().tolist() == pytest.approx([0, 0.5, 1, 1.5])
+    assert labeled.instances is not None
+    assert labeled.instances.tolist() == [[0, 1], [2, 3]]
+    assert (labeled.name, labeled.intrinsics, labeled.categories) == ("b", None, {})
     assert (source.category_names, source.seen) == ((), frozenset())
 
 
 def test_subfolders_with_equal_names_are_read(tmp_path: Path) -> None:
     for name in ("x", "y"):
-        save(tmp_path / f"rgb/{name}.png", COLOURS)
+        save(tmp_path / f"rgb/{name}.png", COLORS)
         save(tmp_path / f"depth/{name}.png", DEPTH)
     save(tmp_path / "labels/y.png", np.array([[0, 1], [2, 2]], np.uint8))
     source = Folder(tmp_path)
@@ -67,7 +67,7 @@ def test_subfolders_with_equal_names_are_read(tmp_path: Path) -> None:
 def test_file_name_endings_may_be_upper_case_and_colours_jpeg(tmp_path: Path) -> None:
     write_triple(tmp_path, "a")
     (tmp_path / "a_rgb.png").unlink()
-    Image.fromarray(COLOURS).save(tmp_path / "a_rgb.JPG", format="JPEG")
+    Image.fromarray(COLORS).save(tmp_path / "a_rgb.JPG", format="JPEG")
     (tmp_path / "a_depth.png").rename(tmp_path / "a_depth.PNG")
     assert Folder(tmp_path)[0].rgb.shape == (2, 2, 3)
 
@@ -142,7 +142,7 @@ def test_a_folder_without_frames_is_an_error(tmp_path: Path) -> None:
 
 
 def test_colours_without_any_depth_are_an_error(tmp_path: Path) -> None:
-    save(tmp_path / "a_rgb.png", COLOURS)
+    save(tmp_path / "a_rgb.png", COLORS)
     with pytest.raises(DatasetNotFoundError, match=r"none of the 1 colour images .* has a depth image"):
         len(Folder(tmp_path))
 
@@ -150,7 +150,7 @@ def test_colours_without_any_depth_are_an_error(tmp_path: Path) -> None:
 @pytest.mark.parametrize("subfolders", [False, True])
 def test_one_missing_depth_image_is_that_frames_error(tmp_path: Path, subfolders: bool) -> None:
     for name in ("a", "b"):
-        save(tmp_path / (f"rgb/{name}.png" if subfolders else f"{name}_rgb.png"), COLOURS)
+        save(tmp_path / (f"rgb/{name}.png" if subfolders else f"{name}_rgb.png"), COLORS)
     missing, present = (tmp_path / (f"depth/{n}.png" if subfolders else f"{n}_depth.png") for n in "ab")
     save(present, DEPTH)
     source = Folder(tmp_path)
@@ -162,7 +162,7 @@ def test_one_missing_depth_image_is_that_frames_error(tmp_path: Path, subfolders
 
 def test_two_images_of_one_kind_are_an_error(tmp_path: Path) -> None:
     write_triple(tmp_path, "a")
-    Image.fromarray(COLOURS).save(tmp_path / "a_rgb.jpg")
+    Image.fromarray(COLORS).save(tmp_path / "a_rgb.jpg")
     with pytest.raises(FrameReadError, match="frame 'a' has two rgb images"):
         len(Folder(tmp_path))
 

@@ -17,8 +17,8 @@ from sgbd.sources.errors import FrameReadError
 from sgbd.sources.image import read_depth, read_labels, read_rgb
 
 RNG = np.random.default_rng(0)
-COLOURS = RNG.integers(0, 256, (24, 32, 3), dtype=np.uint8)
-GREY = COLOURS[..., 0]
+COLORS = RNG.integers(0, 256, (24, 32, 3), dtype=np.uint8)
+GRAY = COLORS[..., 0]
 DEPTH = RNG.integers(0, 65536, (24, 32), dtype=np.uint16)
 
 
@@ -28,9 +28,9 @@ def saved(path: Path, array: npt.NDArray[np.generic], **options: object) -> Path
 
 
 def test_rgb_png_is_exact(tmp_path: Path) -> None:
-    read = read_rgb(saved(tmp_path / "a.png", COLOURS))
+    read = read_rgb(saved(tmp_path / "a.png", COLORS))
     assert read.dtype == np.uint8
-    assert np.array_equal(read, COLOURS)
+    assert np.array_equal(read, COLORS)
     assert read.flags.writeable
 
 
@@ -41,12 +41,12 @@ def test_rgb_jpeg_is_close(tmp_path: Path) -> None:
 
 
 def test_grey_is_repeated(tmp_path: Path) -> None:
-    assert np.array_equal(read_rgb(saved(tmp_path / "a.png", GREY)), np.repeat(GREY[..., None], 3, axis=2))
+    assert np.array_equal(read_rgb(saved(tmp_path / "a.png", GRAY)), np.repeat(GRAY[..., None], 3, axis=2))
 
 
 def test_alpha_is_dropped_without_blending(tmp_path: Path) -> None:
-    half = np.dstack([COLOURS, np.full(GREY.shape, 10, np.uint8)])
-    assert np.array_equal(read_rgb(saved(tmp_path / "a.png", half)), COLOURS)
+    half = np.dstack([COLORS, np.full(GRAY.shape, 10, np.uint8)])
+    assert np.array_equal(read_rgb(saved(tmp_path / "a.png", half)), COLORS)
 
 
 def test_palette_colours_are_looked_up(tmp_path: Path) -> None:
@@ -78,8 +78,8 @@ def test_labels_are_exact(tmp_path: Path, labels: npt.NDArray[np.unsignedinteger
 
 
 def test_the_content_and_not_the_name_decides(tmp_path: Path) -> None:
-    path = saved(tmp_path / "a.png", COLOURS).rename(tmp_path / "a.jpeg")
-    assert np.array_equal(read_rgb(path), COLOURS)
+    path = saved(tmp_path / "a.png", COLORS).rename(tmp_path / "a.jpeg")
+    assert np.array_equal(read_rgb(path), COLORS)
 
 
 @pytest.mark.parametrize("reader", [read_rgb, read_depth, read_labels])
@@ -114,7 +114,7 @@ def test_a_truncated_file_is_never_padded(
     tmp_path: Path, suffix: str, lenient: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(ImageFile, "LOAD_TRUNCATED_IMAGES", lenient)
-    path = saved(tmp_path / f"a.{suffix}", COLOURS)
+    path = saved(tmp_path / f"a.{suffix}", COLORS)
     whole = path.read_bytes()
     for size in (*range(30, len(whole), 97), len(whole) - 1):
         path.write_bytes(whole[:size])
@@ -142,11 +142,11 @@ def test_damaged_pixels_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("array", "message"),
     [
-        (GREY, "8 bits a pixel"),
-        (GREY > 127, "8 bits a pixel"),
-        (COLOURS, r"3 channels \(RGB\)"),
-        (np.dstack([COLOURS, GREY]), r"4 channels \(RGBA\)"),
-        (np.dstack([GREY, GREY]), r"2 channels \(LA\)"),
+        (GRAY, "8 bits a pixel"),
+        (GRAY > 127, "8 bits a pixel"),
+        (COLORS, r"3 channels \(RGB\)"),
+        (np.dstack([COLORS, GRAY]), r"4 channels \(RGBA\)"),
+        (np.dstack([GRAY, GRAY]), r"2 channels \(LA\)"),
     ],
 )
 def test_a_picture_of_the_depth_is_no_depth(tmp_path: Path, array: npt.NDArray[np.generic], message: str) -> None:
@@ -157,7 +157,7 @@ def test_a_picture_of_the_depth_is_no_depth(tmp_path: Path, array: npt.NDArray[n
 @pytest.mark.parametrize("reader", [read_depth, read_labels])
 def test_jpeg_is_refused_where_values_count(tmp_path: Path, reader: object) -> None:
     with pytest.raises(FrameReadError, match="must not be stored as JPEG"):
-        reader(saved(tmp_path / "a.jpeg", GREY))  # type: ignore[operator]
+        reader(saved(tmp_path / "a.jpeg", GRAY))  # type: ignore[operator]
 
 
 def test_depth_given_as_colours_is_refused(tmp_path: Path) -> None:
@@ -167,7 +167,7 @@ def test_depth_given_as_colours_is_refused(tmp_path: Path) -> None:
 
 def test_label_colours_are_refused(tmp_path: Path) -> None:
     with pytest.raises(FrameReadError, match=r"has 3 \(RGB\)"):
-        read_labels(saved(tmp_path / "a.png", COLOURS))
+        read_labels(saved(tmp_path / "a.png", COLORS))
 
 
 def test_a_read_error_is_a_frame_error_and_survives_a_process_border(tmp_path: Path) -> None:

@@ -14,11 +14,11 @@ from sgbd.sources.split_report import split_report
 from sgbd.sources.tod import Tod
 from sgbd.sources.zero_shot_split import (
     SETS,
-    Catalogue,
+    Catalog,
     SplitError,
     ZeroShotSplit,
     balanced_choice,
-    catalogue,
+    catalog,
     draw_seen,
     zero_shot_split,
 )
@@ -28,9 +28,9 @@ NAMES = ("a", "b", "c", "d")
 SHARES = {"train": 0.5, "val": 0.25, "test": 0.25}
 
 
-def made(objects: list[list[int]], scenes: list[int], unknown: list[int] | None = None) -> Catalogue:
+def made(objects: list[list[int]], scenes: list[int], unknown: list[int] | None = None) -> Catalog:
     counts = np.array(objects, np.int64)
-    return Catalogue(
+    return Catalog(
         files=tuple(f"training_set/scene_{scene:05d}/rgb_{place:05d}.jpeg" for place, scene in enumerate(scenes)),
         scenes=tuple(f"training_set/scene_{scene:05d}" for scene in scenes),
         category_names=NAMES,
@@ -41,13 +41,13 @@ def made(objects: list[list[int]], scenes: list[int], unknown: list[int] | None 
     )
 
 
-def random_catalogue(seed: int = 0, scenes: int = 40, views: int = 5) -> Catalogue:
+def random_catalog(seed: int = 0, scenes: int = 40, views: int = 5) -> Catalog:
     rng = np.random.default_rng(seed)
     objects = rng.poisson([2.0, 0.8, 0.2, 0.2], (scenes * views, 4))
     return made(objects.tolist(), np.repeat(np.arange(scenes), views).tolist())
 
 
-def split_of(frames: Catalogue, **changes: object) -> ZeroShotSplit:
+def split_of(frames: Catalog, **changes: object) -> ZeroShotSplit:
     options = {"seen": {"a", "b"}, "sizes": dict.fromkeys(SETS), "shares": SHARES, "seed": 0, **changes}
     return zero_shot_split(frames, **options)  # type: ignore[arg-type]
 
@@ -61,7 +61,7 @@ def test_half_of_each_group_is_drawn_and_the_seed_fixes_which() -> None:
 
 
 def test_no_scene_and_no_frame_is_in_two_sets_and_each_holds_what_it_may() -> None:
-    frames = random_catalogue()
+    frames = random_catalog()
     split = split_of(frames)
     pools = {key: {frames.scenes[index] for index in split.sets[key]} for key in SETS}
     assert not pools["train"] & (pools["val"] | pools["test_open"] | pools["test_closed"])
@@ -92,7 +92,7 @@ def test_near_empty_frames_and_unknown_objects_are_left_out_and_counted() -> Non
 
 
 def test_the_seed_fixes_the_split() -> None:
-    frames = random_catalogue()
+    frames = random_catalog()
     sizes = dict.fromkeys(SETS, 5)
     first, again, other = (split_of(frames, seed=seed, sizes=sizes) for seed in (1, 1, 2))
     assert all(np.array_equal(first.sets[key], again.sets[key]) for key in SETS)
@@ -145,11 +145,11 @@ def test_every_choice_is_the_best_next_one(objects: list[list[int]], size: int, 
 )
 def test_impossible_splits_say_why(changes: dict[str, object], message: str) -> None:
     with pytest.raises(SplitError, match=message):
-        split_of(random_catalogue(), **changes)
+        split_of(random_catalog(), **changes)
 
 
 def test_the_report_counts_what_is_there() -> None:
-    frames = random_catalogue()
+    frames = random_catalog()
     split = split_of(frames, sizes={**dict.fromkeys(SETS), "train": 7})
     report = split_report(frames, split, {"one": ["a", "c"], "two": ["b", "d"]})
     assert "- one: seen a; unseen c" in report
@@ -168,7 +168,7 @@ def test_a_catalogue_of_a_tree_on_disk(tmp_path: Path) -> None:
         write_view(tmp_path / scene, 2, segmentation, semseg)
     # Lists that are there don't count.
     (tmp_path / "train.txt").write_text("training_set/scene_00000/rgb_00002.jpeg\n")
-    frames = catalogue(Tod(tmp_path), min_object_pixels=5, progress=False)
+    frames = catalog(Tod(tmp_path), min_object_pixels=5, progress=False)
     assert frames.files == ("training_set/scene_00000/rgb_00002.jpeg", "test_set/scene_00003/rgb_00002.jpeg")
     assert frames.scenes == ("training_set/scene_00000", "test_set/scene_00003")
     assert frames.background_views == 2

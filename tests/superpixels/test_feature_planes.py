@@ -82,9 +82,9 @@ def test_the_percentile_is_right_to_the_millimetre() -> None:
     np.testing.assert_allclose(_depth(depth)[0][valid], expected[valid], atol=2e-3)
 
 
-@pytest.mark.parametrize("metres", [1e-4, 1.0, 65.6, 90.0])
-def test_depth_that_is_equal_everywhere_is_zero(metres: float) -> None:
-    assert np.abs(_depth(np.full((4, 5), metres))).max(axis=(1, 2)).tolist() == [0, 1, 0]
+@pytest.mark.parametrize("meters", [1e-4, 1.0, 65.6, 90.0])
+def test_depth_that_is_equal_everywhere_is_zero(meters: float) -> None:
+    assert np.abs(_depth(np.full((4, 5), meters))).max(axis=(1, 2)).tolist() == [0, 1, 0]
 
 
 def test_missing_depth_does_not_bleed_into_smoothed_depth() -> None:

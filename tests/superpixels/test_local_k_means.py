@@ -69,8 +69,8 @@ def test_clustering_is_that_of_plain_loops(shape: tuple[int, int], weighted: boo
     weight = planes[1].astype(float) if weighted else np.ones(shape)
     features = planes[:1] if weighted else planes
     label = cell.copy()
-    centre_row = (cells.tops[:-1] + cells.tops[1:] - 1)[cell // (len(cells.lefts) - 1)] / 2
-    positions = {c: (centre_row[cell == c][0], column[cell == c].mean()) for c in range(len(cells))}
+    center_row = (cells.tops[:-1] + cells.tops[1:] - 1)[cell // (len(cells.lefts) - 1)] / 2
+    positions = {c: (center_row[cell == c][0], column[cell == c].mean()) for c in range(len(cells))}
     means: dict[int, np.ndarray] = {}
     for _ in range(3):
         for c in range(len(cells)):

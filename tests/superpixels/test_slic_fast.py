@@ -79,14 +79,14 @@ def test_memory_that_is_used_again_changes_nothing() -> None:
 
 @pytest.mark.parametrize(("rgb", "depth"), [(True, False), (False, True), (True, True)])
 def test_superpixels_respect_edges(rgb: bool, depth: bool) -> None:
-    colours = np.full((48, 64, 3), 120, np.uint8)
-    metres = np.full((48, 64), 1.0, np.float32)
+    colors = np.full((48, 64, 3), 120, np.uint8)
+    meters = np.full((48, 64), 1.0, np.float32)
     if rgb:
-        colours[:, 32:] = (220, 30, 30)
+        colors[:, 32:] = (220, 30, 30)
     if depth:
-        metres[24:] = 1.5
+        meters[24:] = 1.5
     # Smoothing moves a clear edge by less than a pixel, and only that of the colours.
-    label_map = FastSlic(12, rgb=rgb, depth=depth, min_size=8)(Frame(colours, metres))
+    label_map = FastSlic(12, rgb=rgb, depth=depth, min_size=8)(Frame(colors, meters))
     assert is_superpixel_map(label_map)
     if rgb:
         assert not set(label_map[:, :32].ravel()) & set(label_map[:, 32:].ravel())
@@ -101,10 +101,10 @@ def test_a_constant_frame_is_cut_into_a_grid() -> None:
 
 
 def test_a_hole_in_the_depth_is_no_edge() -> None:
-    metres = np.full((60, 60), 1.0, np.float32)
-    metres[20:40, 20:40] = 0
-    metres[0, 0] = 1.1
-    whole = FastSlic(4, rgb=False, min_size=4)(Frame(np.zeros((60, 60, 3), np.uint8), metres))
+    meters = np.full((60, 60), 1.0, np.float32)
+    meters[20:40, 20:40] = 0
+    meters[0, 0] = 1.1
+    whole = FastSlic(4, rgb=False, min_size=4)(Frame(np.zeros((60, 60, 3), np.uint8), meters))
     assert len(np.unique(whole)) <= 5
     assert len(np.unique(whole[20:40, 20:40])) == 4
 

@@ -41,11 +41,11 @@ def light(rng: np.random.Generator) -> Color:
 
 def dark(rng: np.random.Generator) -> Color:
     """Return a near-black colour."""
-    grey = rng.uniform(0.08, 0.22)
-    return _near(rng, (grey, grey, grey), 0.015)
+    gray = rng.uniform(0.08, 0.22)
+    return _near(rng, (gray, gray, gray), 0.015)
 
 
-def grey(rng: np.random.Generator) -> Color:
+def gray(rng: np.random.Generator) -> Color:
     """Return a neutral colour between black and white."""
     value = rng.uniform(0.3, 0.7)
     return _near(rng, (value, value, value), 0.015)
@@ -63,7 +63,7 @@ def wood(rng: np.random.Generator) -> Color:
 
 def any_color(rng: np.random.Generator) -> Color:
     """Return a colour an object may have: often vivid, sometimes light, dark, grey or muted."""
-    kinds = (vivid, muted, light, dark, grey)
+    kinds = (vivid, muted, light, dark, gray)
     return kinds[rng.choice(len(kinds), p=(0.42, 0.22, 0.16, 0.12, 0.08))](rng)
 
 

@@ -76,7 +76,7 @@ def casing(rng: np.random.Generator) -> Texture:
     kind = rng.choice(5, p=(0.35, 0.15, 0.2, 0.15, 0.15))
     if kind == 3:
         return metallic(rng)
-    pick = (colors.light, colors.grey, colors.dark, colors.metal, colors.vivid)[kind]
+    pick = (colors.light, colors.gray, colors.dark, colors.metal, colors.vivid)[kind]
     return Plain(pick(rng), 0.02, 0.05, seed_of(rng), gloss=rng.uniform(0.1, 0.5))
 
 

@@ -13,22 +13,22 @@ Points = npt.NDArray[np.float64]
 _BOX_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
 
 
-def box(size: Vector, centre: Vector = (0, 0, 0), bevel: float = 0.0) -> trimesh.Trimesh:
+def box(size: Vector, center: Vector = (0, 0, 0), bevel: float = 0.0) -> trimesh.Trimesh:
     """Return a box with its edges cut off.
 
     Args:
         size: Lengths along x, y, z, metres.
-        centre: Where its middle lies.
+        center: Where its middle lies.
         bevel: How much of each edge is cut off, metres; at most 45 % of the smallest length.
     """
     half = np.asarray(size, dtype=np.float64) / 2
     bevel = min(bevel, 0.9 * float(half.min()))
     if bevel <= 0:
         lengths = 2 * half
-        foot = np.asarray(centre, dtype=np.float64) - [0, 0, half[2]]
+        foot = np.asarray(center, dtype=np.float64) - [0, 0, half[2]]
         return block(frustum(lengths[:2], lengths[:2], lengths[2], at=foot))
     corners = [_BOX_SIGNS * (half - bevel * (1 - np.eye(3)[axis])) for axis in range(3)]
-    return hull(np.concatenate(corners) + np.asarray(centre, dtype=np.float64))
+    return hull(np.concatenate(corners) + np.asarray(center, dtype=np.float64))
 
 
 def hull(points: Vector) -> trimesh.Trimesh:
@@ -103,7 +103,7 @@ def lathe(profile: Vector, sections: int = 28, squash: float = 1.0) -> trimesh.T
 
 
 def cylinder(
-    radius: float, height: float, centre: Vector = (0, 0, 0), axis: str = "z", sections: int = 24
+    radius: float, height: float, center: Vector = (0, 0, 0), axis: str = "z", sections: int = 24
 ) -> trimesh.Trimesh:
     """Return a solid cylinder along an axis, with slightly broken edges."""
     edge = 0.08 * min(radius, height)
@@ -118,23 +118,23 @@ def cylinder(
         ],
         sections,
     )
-    return placed(mesh, centre, axis)
+    return placed(mesh, center, axis)
 
 
 def ring(
-    inner: float, outer: float, height: float, centre: Vector = (0, 0, 0), axis: str = "z", sections: int = 28
+    inner: float, outer: float, height: float, center: Vector = (0, 0, 0), axis: str = "z", sections: int = 28
 ) -> trimesh.Trimesh:
     """Return a flat ring along an axis."""
     low, high = -height / 2, height / 2
     mesh = lathe([(inner, low), (outer, low), (outer, high), (inner, high), (inner, low)], sections)
-    return placed(mesh, centre, axis)
+    return placed(mesh, center, axis)
 
 
-def placed(mesh: trimesh.Trimesh, centre: Vector, axis: str = "z") -> trimesh.Trimesh:
+def placed(mesh: trimesh.Trimesh, center: Vector, axis: str = "z") -> trimesh.Trimesh:
     """Turn a mesh made about z so that it points along another axis, and move it."""
     turn = np.eye(4)
     turn[:3, :3] = axis_rotation(axis)
-    turn[:3, 3] = np.asarray(centre, dtype=np.float64)
+    turn[:3, 3] = np.asarray(center, dtype=np.float64)
     mesh.apply_transform(turn)
     return mesh
 
@@ -172,11 +172,11 @@ def moved(mesh: trimesh.Trimesh, turn: Points | None = None, shift: Vector = (0,
     return mesh
 
 
-def ellipsoid(radii: Vector, centre: Vector = (0, 0, 0), subdivisions: int = 3) -> trimesh.Trimesh:
+def ellipsoid(radii: Vector, center: Vector = (0, 0, 0), subdivisions: int = 3) -> trimesh.Trimesh:
     """Return an ellipsoid."""
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions)
     mesh.apply_scale(np.asarray(radii, dtype=np.float64))
-    mesh.apply_translation(np.asarray(centre, dtype=np.float64))
+    mesh.apply_translation(np.asarray(center, dtype=np.float64))
     return mesh
 
 
@@ -258,12 +258,12 @@ def tube(path: Vector, radius: float | Vector, sections: int = 8, flatten: float
 
 
 def arc(
-    centre: Vector, radii: tuple[float, float], start: float, stop: float, plane: str = "xz", steps: int = 12
+    center: Vector, radii: tuple[float, float], start: float, stop: float, plane: str = "xz", steps: int = 12
 ) -> Points:
     """Return points on an elliptic arc, for `tube`.
 
     Args:
-        centre: Middle of the ellipse.
+        center: Middle of the ellipse.
         radii: Along the first and the second axis of the plane, metres.
         start: First angle, radians from the plane's first axis.
         stop: Last angle.
@@ -271,7 +271,7 @@ def arc(
         steps: Number of points.
     """
     angle = np.linspace(start, stop, steps)
-    points = np.tile(np.asarray(centre, dtype=np.float64), (steps, 1))
+    points = np.tile(np.asarray(center, dtype=np.float64), (steps, 1))
     for axis, radius, wave in zip(plane, radii, (np.cos(angle), np.sin(angle)), strict=True):
         points[:, "xyz".index(axis)] += radius * wave
     return points

@@ -112,7 +112,7 @@ def drop_poses(
     low, high = variety.spread
     spread = np.exp(rng.uniform(np.log(low), np.log(high))) if variety.log_spread else rng.uniform(low, high)
     reach = min(0.38 * min(table.size), 0.5 * np.sqrt(footprint) * spread)
-    centre = rng.uniform(-0.06, 0.06, 2) * np.asarray(table.size)
+    center = rng.uniform(-0.06, 0.06, 2) * np.asarray(table.size)
     placed: list[tuple[Floats, Floats]] = []
     poses = []
     for shape in shapes:
@@ -126,7 +126,7 @@ def drop_poses(
         half = np.abs(turn) @ (shape.extents / 2) + 0.006
         for _ in range(places):
             angle, radius = rng.uniform(0, 2 * np.pi), reach * np.sqrt(rng.random())
-            place = np.array([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle), 0.0])
+            place = np.array([center[0] + radius * np.cos(angle), center[1] + radius * np.sin(angle), 0.0])
             if support is not None:
                 place[:2] = support[:2] + rng.normal(0, 0.015, 2)
             below = [
@@ -240,7 +240,7 @@ def _add_solid(spec: mujoco.MjSpec, body: mujoco.MjsBody, solid: Solid, name: st
     size = np.zeros(3)
     size[: len(solid.size)] = solid.size
     body.add_geom(
-        type=kinds[solid.kind], size=size, pos=solid.centre, quat=_quaternion(solid.turn), density=density, **surface
+        type=kinds[solid.kind], size=size, pos=solid.center, quat=_quaternion(solid.turn), density=density, **surface
     )
 
 

@@ -105,12 +105,12 @@ def _shell(low: Floats, high: Floats, height: float, rng: np.random.Generator) -
     for axis in (0, 1):
         for side, edge in ((-1, low[axis]), (1, high[axis])):
             lengths = np.array([size[0] + 0.2, size[1] + 0.2, height])
-            centre = np.array([*middle, height / 2])
-            lengths[axis], centre[axis] = thick, edge + side * thick / 2
-            parts.append(Part("wall", box(lengths, centre), accent if (axis, side) == (1, 1) else paint))
-            lengths[axis], centre[axis] = 0.015, edge - side * 0.0075
-            lengths[2], centre[2] = 0.09, 0.045
-            parts.append(Part("skirting", box(lengths, centre), skirting))
+            center = np.array([*middle, height / 2])
+            lengths[axis], center[axis] = thick, edge + side * thick / 2
+            parts.append(Part("wall", box(lengths, center), accent if (axis, side) == (1, 1) else paint))
+            lengths[axis], center[axis] = 0.015, edge - side * 0.0075
+            lengths[2], center[2] = 0.09, 0.045
+            parts.append(Part("skirting", box(lengths, center), skirting))
     return parts
 
 
@@ -128,10 +128,10 @@ def _wall_texture(rng: np.random.Generator) -> Texture:
         brick = np.clip(colors.rgb(0.62, 0.36, 0.28) + rng.normal(0, 0.06, 3), 0, 1).astype(np.float32)
         if rng.random() < 0.4:
             brick = color
-        return Tiles(brick, colors.grey(rng), (0.24, 0.075), 0.012, 0.5, 0.3, seed, gloss=0.0)
+        return Tiles(brick, colors.gray(rng), (0.24, 0.075), 0.012, 0.5, 0.3, seed, gloss=0.0)
     if kind == 3:
         side = rng.uniform(0.12, 0.3)
-        return Tiles(color, colors.grey(rng), (side, side), 0.006, 0.0, 0.06, seed, gloss=0.4)
+        return Tiles(color, colors.gray(rng), (side, side), 0.006, 0.0, 0.06, seed, gloss=0.4)
     return Speckled(np.stack([color, color * np.float32(0.86)]), (0.12, 0.12, 0.12), 0.2, seed, gloss=0.0)
 
 
@@ -150,11 +150,11 @@ def _floor_texture(rng: np.random.Generator) -> Texture:
         )
     if kind == 1:
         side = rng.uniform(0.2, 0.5)
-        return Tiles(colors.muted(rng), colors.grey(rng), (side, side), 0.006, 0.0, 0.12, seed, gloss=0.35)
+        return Tiles(colors.muted(rng), colors.gray(rng), (side, side), 0.006, 0.0, 0.12, seed, gloss=0.35)
     if kind == 2:
         color = colors.muted(rng)
         return Speckled(np.stack([color, color * np.float32(0.75)]), (0.008, 0.008, 0.008), 0.4, seed, gloss=0.0)
-    color = colors.grey(rng)
+    color = colors.gray(rng)
     return Speckled(np.stack([color, color * np.float32(0.85)]), (0.25, 0.25, 0.25), 0.1, seed, gloss=0.1)
 
 

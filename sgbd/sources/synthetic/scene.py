@@ -267,8 +267,8 @@ def _recorded(rendering: Rendering, camera: Camera, look: _Look, sensor_name: st
         depth = sensor.StructuredLight().measure(depth, rendering.facing, camera.intrinsics.fx, rng)
     elif sensor_name == "varied":
         rgb, depth = recorded_by_any_camera(rgb, rendering, camera.intrinsics.fx, rng)
-    millimetres = np.clip(np.round(depth * 1000), 0, 65535).astype(np.uint16)
-    return View(rgb, millimetres, rendering.label.astype(np.uint8), camera)
+    millimeters = np.clip(np.round(depth * 1000), 0, 65535).astype(np.uint16)
+    return View(rgb, millimeters, rendering.label.astype(np.uint8), camera)
 
 
 def _words(seed: np.random.SeedSequence) -> list[int]:

@@ -45,7 +45,7 @@ def random_table(rng: np.random.Generator) -> Table:
     height = rng.uniform(0.55, 0.85)
     thick = rng.uniform(0.02, 0.05)
     top_texture = _top_texture(rng)
-    leg_texture = finishes.wooden(rng, 2) if rng.random() < 0.5 else finishes.plastic(rng, colors.grey(rng))
+    leg_texture = finishes.wooden(rng, 2) if rng.random() < 0.5 else finishes.plastic(rng, colors.gray(rng))
     if is_round:
         diameter = rng.uniform(1.1, 1.6)
         size = (diameter, diameter)
@@ -68,8 +68,8 @@ def random_table(rng: np.random.Generator) -> Table:
         leg, inset = rng.uniform(0.04, 0.08), 0.08
         for x in (-1, 1):
             for y in (-1, 1):
-                centre = (x * (size[0] / 2 - inset), y * (size[1] / 2 - inset), (height - thick) / 2)
-                parts.append(Part("leg", box((leg, leg, height - thick), centre, 0.003), leg_texture))
+                center = (x * (size[0] / 2 - inset), y * (size[1] / 2 - inset), (height - thick) / 2)
+                parts.append(Part("leg", box((leg, leg, height - thick), center, 0.003), leg_texture))
         apron = box((size[0] - 2 * inset, size[1] - 2 * inset, 0.08), (0, 0, height - thick - 0.04))
         parts.append(Part("apron", apron, leg_texture))
     return Table(is_round, size, height, tuple(parts))
@@ -101,6 +101,6 @@ def _top_texture(rng: np.random.Generator) -> Texture:
     if kind == 3:
         pair = np.stack([colors.light(rng), colors.any_color(rng)])
         return Checks(pair, rng.uniform(0.02, 0.06), True, gloss=0.0)
-    grey = colors.grey(rng)
+    gray = colors.gray(rng)
     size = rng.uniform(0.004, 0.012)
-    return Speckled(np.stack([grey, np.clip(grey * np.float32(1.35), 0, 1)]), (size, size, size), 0.7, seed, gloss=0.3)
+    return Speckled(np.stack([gray, np.clip(gray * np.float32(1.35), 0, 1)]), (size, size, size), 0.7, seed, gloss=0.3)

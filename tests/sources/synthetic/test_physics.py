@@ -17,12 +17,12 @@ from sgbd.sources.synthetic.table import Table, random_floor, random_table
 from sgbd.sources.synthetic.textures import Plain
 from sgbd.sources.synthetic.variety import Variety
 
-GREY = Plain(colors.rgb(0.5, 0.5, 0.5))
+GRAY = Plain(colors.rgb(0.5, 0.5, 0.5))
 
 
 def cube(side: float = 0.1) -> Shape:
     mesh = meshes.box((side, side, side))
-    return Shape("cube", (Part("cube", mesh, GREY),), (solid_box((side, side, side)),), upright=1.0)
+    return Shape("cube", (Part("cube", mesh, GRAY),), (solid_box((side, side, side)),), upright=1.0)
 
 
 def table(is_round: bool = False) -> Table:

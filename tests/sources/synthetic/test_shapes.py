@@ -161,5 +161,5 @@ def solid_bounds(solids: tuple[Solid, ...]) -> tuple[npt.NDArray[np.float64], np
             half = solid.size if solid.kind == "box" else np.array([solid.size[0], solid.size[0], solid.size[1]])
             signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
             corners = (signs * half) @ solid.turn.T
-        boxes.append((corners.min(axis=0) + solid.centre, corners.max(axis=0) + solid.centre))
+        boxes.append((corners.min(axis=0) + solid.center, corners.max(axis=0) + solid.center))
     return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)

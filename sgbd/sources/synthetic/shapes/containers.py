@@ -416,4 +416,4 @@ def _squashed(solid: Solid, squash: float) -> Solid:
     """Return a solid scaled along y: hulls exactly, a floor disc by its shorter radius."""
     if solid.kind == "hull":
         return solid_hull(solid.size * [1, squash, 1])
-    return Solid(solid.kind, solid.size * [squash, 1], solid.centre, solid.turn)
+    return Solid(solid.kind, solid.size * [squash, 1], solid.center, solid.turn)

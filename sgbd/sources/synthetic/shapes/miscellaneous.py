@@ -56,10 +56,10 @@ def birdhouse(rng: np.random.Generator) -> Shape:
     run = 0.5 * width / np.cos(pitch) + over
     for s in (-1, 1):
         turn = rotation("y", s * pitch)
-        centre = np.array([0, 0, ridge + 0.004]) + turn @ [s * run / 2, 0, thick / 2]
+        center = np.array([0, 0, ridge + 0.004]) + turn @ [s * run / 2, 0, thick / 2]
         size = (run + thick, depth + 2 * over, thick)
-        parts.append(Part("roof", moved(box(size, bevel=0.001), turn, centre), roof))
-        solids.append(solid_box(size, centre, turn))
+        parts.append(Part("roof", moved(box(size, bevel=0.001), turn, center), roof))
+        solids.append(solid_box(size, center, turn))
     hole = rng.uniform(0.14, 0.22) * width
     parts.append(
         Part(

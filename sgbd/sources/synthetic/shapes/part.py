@@ -37,13 +37,13 @@ class Solid:
     Attributes:
         kind: `box`, `cylinder` or `hull`.
         size: Half lengths [3] of a box; (radius, half height) of a cylinder; points [n, 3] of a hull. Metres.
-        centre: Place in the object's frame.
+        center: Place in the object's frame.
         turn: Rotation [3, 3] in the object's frame.
     """
 
     kind: str
     size: Floats
-    centre: Floats = field(default_factory=lambda: np.zeros(3))
+    center: Floats = field(default_factory=lambda: np.zeros(3))
     turn: Floats = field(default_factory=lambda: np.eye(3))
 
 
@@ -76,14 +76,14 @@ class Shape:
         return high - low
 
 
-def solid_box(size: npt.ArrayLike, centre: npt.ArrayLike = (0, 0, 0), turn: Floats | None = None) -> Solid:
+def solid_box(size: npt.ArrayLike, center: npt.ArrayLike = (0, 0, 0), turn: Floats | None = None) -> Solid:
     """Return a box by its full lengths."""
-    return Solid("box", np.asarray(size, float) / 2, np.asarray(centre, float), np.eye(3) if turn is None else turn)
+    return Solid("box", np.asarray(size, float) / 2, np.asarray(center, float), np.eye(3) if turn is None else turn)
 
 
-def solid_cylinder(radius: float, height: float, centre: npt.ArrayLike = (0, 0, 0), axis: str = "z") -> Solid:
+def solid_cylinder(radius: float, height: float, center: npt.ArrayLike = (0, 0, 0), axis: str = "z") -> Solid:
     """Return a cylinder along an axis by its radius and full height."""
-    return Solid("cylinder", np.array([radius, height / 2]), np.asarray(centre, float), axis_rotation(axis))
+    return Solid("cylinder", np.array([radius, height / 2]), np.asarray(center, float), axis_rotation(axis))
 
 
 def solid_hull(points: npt.ArrayLike) -> Solid:
@@ -135,9 +135,9 @@ def assemble(category: str, parts: list[Part], solids: list[Solid], upright: flo
             Part(part.name, mesh, Shifted(part.texture, middle.astype(np.float32), gloss=part.texture.gloss))
         )
     moved_solids = tuple(
-        Solid(s.kind, s.size - middle, s.centre, s.turn)
+        Solid(s.kind, s.size - middle, s.center, s.turn)
         if s.kind == "hull"
-        else Solid(s.kind, s.size, s.centre - middle, s.turn)
+        else Solid(s.kind, s.size, s.center - middle, s.turn)
         for s in solids
     )
     return Shape(category, tuple(moved_parts), moved_solids, upright)

@@ -50,16 +50,16 @@ def binder(rng: np.random.Generator) -> Shape:
     covers = [outside, outside if rng.random() < 0.6 else surface(rng)]
     # Leaf 0 lies flat; leaf 1 is turned back about the hinge from lying upon it.
     poses = [(np.eye(3), np.array([0.0, 0.0, thick[0] / 2])), (turn, hinge)]
-    centres = [np.zeros(3), np.array([0.0, -depths[1] / 2, thick[1] / 2])]
+    centers = [np.zeros(3), np.array([0.0, -depths[1] / 2, thick[1] / 2])]
     parts, solids = [], []
     for leaf, (rotate, shift) in enumerate(poses):
         size = np.array([width, depths[leaf], thick[leaf]])
-        parts.append(Part("leaf", moved(box(size, centres[leaf], 0.002), rotate, shift), covers[leaf]))
-        solids.append(solid_box(size, rotate @ centres[leaf] + shift, rotate))
+        parts.append(Part("leaf", moved(box(size, centers[leaf], 0.002), rotate, shift), covers[leaf]))
+        solids.append(solid_box(size, rotate @ centers[leaf] + shift, rotate))
         if rng.random() < 0.75:
             layer = rng.uniform(0.002, 0.012)
             inset = size * [*rng.uniform(0.6, 0.97, 2), 0] + [0, 0, layer]
-            inner = centres[leaf] + [0, 0, (thick[leaf] + layer) / 2 * (1 if leaf == 0 else -1)]
+            inner = centers[leaf] + [0, 0, (thick[leaf] + layer) / 2 * (1 if leaf == 0 else -1)]
             parts.append(Part("inside", moved(box(inset, inner), rotate, shift), surface(rng)))
     return assemble("binder", parts, solids, upright=0.75)
 

@@ -1,6 +1,6 @@
 import torch
 
-from sgbd.models.neighbourhood import mean_by, sum_by
+from sgbd.models.neighborhood import mean_by, sum_by
 
 
 def test_sums_and_means_by_group() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sgbd.configuration import config_folder
-from sgbd.misspelt_keys import suggestions
+from sgbd.misspelled_keys import suggestions
 
 
 def test_the_nearest_key_is_suggested() -> None:
