@@ -18,6 +18,8 @@ IGNORE = -1
 
 MILLIMETERS = 0.001
 
+NEAREST = 0.01
+"""Metres. A frame most of which is nearer was given in another unit; no depth camera sees that near."""
 FARTHEST = 100.0
 """Metres. A frame most of which is farther away was given in another unit."""
 
@@ -43,11 +45,19 @@ class Intrinsics:
     cy: float
 
     def __post_init__(self) -> None:
-        """Reject cameras that cannot project.
+        """Reject cameras that cannot project, and take numbers of any kind as floats.
+
+        Compiled functions are compiled once for every type that they meet, which takes seconds: integers and NumPy's
+        scalars would each be a type of their own.
 
         Raises:
-            FrameError: If a focal length is not positive or a value is not finite.
+            FrameError: If a focal length is not positive or a value is no finite number.
         """
+        for name in ("fx", "fy", "cx", "cy"):
+            try:
+                object.__setattr__(self, name, float(getattr(self, name)))
+            except (TypeError, ValueError):
+                raise FrameError(f"intrinsics must be numbers, in pixels; got {self}") from None
         if not np.isfinite([self.fx, self.fy, self.cx, self.cy]).all() or self.fx <= 0 or self.fy <= 0:
             raise FrameError(f"intrinsics must be finite, in pixels, with fx > 0 and fy > 0; got {self}")
 
@@ -135,8 +145,8 @@ def _checked_rgb(rgb: npt.ArrayLike, label: str) -> npt.NDArray[np.uint8]:
     array = _array(rgb, "rgb", label)
     if array.ndim != 3 or array.shape[2] != 3:
         raise FrameError(
-            f"{label}: rgb must be uint8 [H, W, 3]; got shape {array.shape}. "
-            "Drop an alpha channel with rgb[..., :3]; repeat a grey image three times."
+            f"{label}: rgb must be uint8 [H, W, 3]; got shape {array.shape}. Drop an alpha channel with rgb[..., :3], "
+            "put channels last with rgb.transpose(1, 2, 0), repeat a grey image three times."
         )
     if array.dtype != np.uint8:
         raise FrameError(
@@ -145,11 +155,17 @@ def _checked_rgb(rgb: npt.ArrayLike, label: str) -> npt.NDArray[np.uint8]:
         )
     if array.shape[0] == 0 or array.shape[1] == 0:
         raise FrameError(f"{label}: rgb holds no pixels (shape {array.shape})")
-    return np.ascontiguousarray(array)
+    # Whoever wraps a message or a file's bytes has an array that cannot be written, for which Numba would compile every
+    # function once more; a copy takes a fraction of a millisecond.
+    return np.require(array, requirements=["C", "W"])
 
 
 def _checked_depth(depth: npt.ArrayLike, shape: tuple[int, ...], label: str) -> npt.NDArray[np.float32]:
     array = _array(depth, "depth", label)
+    if array.ndim != 2 and array.ndim - array.shape.count(1) == 2:
+        raise FrameError(
+            f"{label}: depth must be [H, W], one distance a pixel; got shape {array.shape}. Give depth.squeeze()."
+        )
     if array.ndim != 2:
         raise FrameError(
             f"{label}: depth must be [H, W], one distance a pixel; got shape {array.shape}. "
@@ -177,6 +193,11 @@ def _checked_depth(depth: npt.ArrayLike, shape: tuple[int, ...], label: str) -> 
         raise FrameError(
             f"{label}: every depth value is missing (0, negative, NaN or infinite). "
             "Check the sensor stream and the unit: floats are metres, integers millimetres."
+        )
+    if 2 * np.count_nonzero(valid & (meters < NEAREST)) > count:
+        raise FrameError(
+            f"{label}: the median depth is {1000 * float(np.median(meters[valid])):.2g} mm. "
+            "Floats are taken as metres, integers as millimetres: convert other units first."
         )
     if array.dtype != np.uint16 and 2 * np.count_nonzero(valid & (meters > FARTHEST)) > count:
         raise FrameError(

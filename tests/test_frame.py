@@ -35,7 +35,7 @@ def test_a_valid_frame_keeps_its_values() -> None:
     assert frame.camera is camera
 
 
-def test_integer_depth_is_millimetres() -> None:
+def test_integer_depth_is_millimeters() -> None:
     depth = np.array([[0, 1, 1500, 65535]], dtype=np.uint16)
     assert Frame(rgb(1, 4), depth).depth[0].tolist() == pytest.approx([0, 0.001, 1.5, 65.535])
 
@@ -76,10 +76,21 @@ def test_arrays_become_contiguous() -> None:
     assert all(array.flags.c_contiguous for array in (frame.rgb, frame.depth, frame.instances))
 
 
+def test_arrays_that_cannot_be_written_are_copied() -> None:
+    message = rgb().tobytes()
+    colors = np.frombuffer(message, np.uint8).reshape(3, 4, 3)
+    frame = Frame(colors, meters())
+    assert frame.rgb.flags.writeable
+    assert np.array_equal(frame.rgb, colors)
+    owned = rgb()
+    assert Frame(owned, meters()).rgb is owned
+
+
 @pytest.mark.parametrize(
     ("colors", "message"),
     [
         (np.zeros((3, 4), np.uint8), r"shape \(3, 4\)"),
+        (np.zeros((3, 5, 4), np.uint8), r"rgb\.transpose\(1, 2, 0\)"),
         (np.zeros((3, 4, 4), np.uint8), "alpha"),
         (np.zeros((3, 4, 3), np.float32), "float32.*255"),
         (np.zeros((0, 4, 3), np.uint8), "no pixels"),
@@ -97,10 +108,14 @@ def test_bad_colours_are_refused(colors: npt.NDArray[np.generic], message: str) 
         (np.ones((3, 4), np.uint8), "8 bits"),
         (np.ones((3, 4), np.bool_), "8 bits"),
         (np.ones((3, 4, 3), np.uint16), "picture of the depth"),
+        (np.ones((3, 4, 1), np.uint16), r"\(3, 4, 1\).*squeeze"),
+        (np.ones((1, 3, 4), np.uint16), r"\(1, 3, 4\).*squeeze"),
         (np.ones((3, 4), np.complex64), "complex64"),
         (np.zeros((3, 4), np.uint16), "every depth value is missing"),
         (np.full((3, 4), np.nan), "every depth value is missing"),
         (meters(value=1500), "1500 m.*divide"),
+        (meters(value=0.002), "median depth is 2 mm.*convert"),
+        (np.array([[0, 1, 1, 2]] * 3, np.uint16), "median depth is 1 mm.*convert"),
     ],
 )
 def test_bad_depth_is_refused(depth: npt.NDArray[np.generic], message: str) -> None:
@@ -140,6 +155,19 @@ def test_unknown_camera_is_the_default() -> None:
 def test_a_camera_must_project(field: str, value: float) -> None:
     with pytest.raises(FrameError, match="fx > 0"):
         dataclasses.replace(Intrinsics(1, 1, 0, 0), **{field: value})
+
+
+def test_a_camera_of_any_numbers_has_floats() -> None:
+    matrix = np.array([[525, 0, 319.5], [0, 525, 239.5], [0, 0, 1]], np.float32)
+    camera = Intrinsics(525, np.int64(525), matrix[0, 2], 239.5)  # type: ignore[arg-type]
+    assert camera == Intrinsics(525.0, 525.0, 319.5, 239.5)
+    assert {type(value) for value in dataclasses.astuple(camera)} == {float}
+
+
+@pytest.mark.parametrize("value", ["wide", None, [525, 525]])
+def test_a_camera_has_numbers(value: object) -> None:
+    with pytest.raises(FrameError, match="must be numbers"):
+        Intrinsics(value, 525, 319.5, 239.5)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("camera", [(525, 525, 319.5, 239.5), np.eye(3), {"fx": 525, "fy": 525, "cx": 2, "cy": 1}])
