@@ -20,6 +20,7 @@ from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
 from sgbd.misspelled_keys import suggestions
 from sgbd.processors import usable_processors
+from sgbd.unreadable_arguments import spellings
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells report it (128 + SIGINT)."""
@@ -109,8 +110,9 @@ def entry_point(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Cal
             except SystemExit as end:
                 # Before the job began: Hydra has refused an argument, and advises to add what may be misspelt.
                 if end.code and not HydraConfig.initialized():
-                    for suggestion in suggestions(config_folder(), config_name, sys.argv[1:]):
-                        print(suggestion, file=sys.stderr)
+                    arguments = sys.argv[1:]
+                    for advice in spellings(arguments) or suggestions(config_folder(), config_name, arguments):
+                        print(advice, file=sys.stderr)
                 raise
 
         return run
@@ -136,7 +138,12 @@ def explain(error: BaseException) -> str | None:
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
         where = f" while writing {error.filename}" if error.filename else ""
         return f"the disk is full{where}. Make room. {_how_to_continue()}"
-    if isinstance(error, FileNotFoundError | PermissionError | NotADirectoryError | IsADirectoryError):
+    if isinstance(error, FileExistsError | NotADirectoryError):
+        return (
+            f"{error.filename}: a file lies where a folder is needed ({error.strerror}). Name another place, or move "
+            "the file away."
+        )
+    if isinstance(error, FileNotFoundError | PermissionError | IsADirectoryError):
         return str(error)
     return None
 

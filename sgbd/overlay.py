@@ -46,17 +46,19 @@ def overlay(
     Returns:
         uint8 [H, W, 3].
     """
-    ids, index = np.unique(instances, return_inverse=True)
-    colors = instance_colors(max(int(ids.max(initial=0)) - first + 1, 0))
+    lowest, highest = int(instances.min(initial=first)), int(instances.max(initial=first))
+    ids = np.arange(lowest, highest + 1)
+    objects = ids >= first
     table = np.zeros((len(ids), 4))
-    for place, number in enumerate(ids.tolist()):
-        if number >= first:
-            table[place] = (*colors[number - first], opacity)
-        elif number == SUPPORT:
-            table[place] = (*SUPPORT_COLOR, opacity / 2)
-        elif number < 0:
-            table[place] = (*IGNORE_COLOR, opacity)
-    paint = table[index.reshape(instances.shape)]
-    mixed = rgb / 255 * (1 - paint[..., 3:]) + paint[..., :3] * paint[..., 3:]
-    mixed[find_boundaries(np.maximum(instances, first - 1), mode="inner", connectivity=1)] = 1
-    return (mixed * 255).round().astype(np.uint8)
+    table[objects, :3] = instance_colors(highest - first + 1)
+    table[objects, 3] = opacity
+    table[~objects & (ids == SUPPORT)] = (*SUPPORT_COLOR, opacity / 2)
+    table[~objects & (ids < 0)] = (*IGNORE_COLOR, opacity)
+    index = instances - lowest
+    painted = table[:, 3].astype(bool)[index]
+    paint = table[index[painted]]
+    mixed = rgb.copy()
+    blend = rgb[painted] / 255 * (1 - paint[:, 3:]) + paint[:, :3] * paint[:, 3:]
+    mixed[painted] = (blend * 255).round().astype(np.uint8)
+    mixed[find_boundaries(np.maximum(instances, first - 1), mode="inner", connectivity=1)] = 255
+    return mixed

@@ -275,6 +275,15 @@ def test_a_full_disk():
     assert "the disk is full while writing weights.bin" in message
 
 
+def test_a_file_in_the_place_of_a_folder(tmp_path):
+    (tmp_path / "results").write_text("")
+    for error in (raised(lambda: (tmp_path / "results").mkdir()), raised(lambda: (tmp_path / "results" / "x").mkdir())):
+        message = explain(error)
+        assert message is not None
+        assert f"{tmp_path / 'results'}" in message
+        assert "a file lies where a folder is needed" in message
+
+
 PROGRAM = """
 import sys, time
 from sgbd.configuration import ConfigurationError, entry_point
@@ -346,6 +355,14 @@ def test_a_misspelt_key_is_told_with_the_nearest_one(program):
     _, stderr = process.communicate(timeout=300)
     assert process.returncode == 1
     assert "superpixel is no key of this command; did you mean superpixels?" in stderr
+    assert "Traceback" not in stderr
+
+
+def test_a_bare_word_is_told_what_arguments_look_like(program):
+    process = program("my_folder")
+    _, stderr = process.communicate(timeout=300)
+    assert process.returncode == 1
+    assert "my_folder is no key=value" in stderr
     assert "Traceback" not in stderr
 
 

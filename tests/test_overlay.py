@@ -30,3 +30,20 @@ def test_a_truth_shows_support_and_ignored_pixels() -> None:
     assert picture[1, 0].tolist() == [round(value * 255) for value in IGNORE_COLOR]
     assert picture[1, 3].tolist() == [round(value * 255 / 2) for value in SUPPORT_COLOR]
     assert picture[1, 8].tolist() == (instance_colors(1)[0] * 255).round().astype(int).tolist()
+
+
+def test_every_pixel_inside_an_outline_is_its_own_blend() -> None:
+    rng = np.random.default_rng(0)
+    rgb = rng.integers(0, 256, (12, 40, 3)).astype(np.uint8)
+    instances = np.kron(np.array([[-1, 0, 1, 3, 9]], np.int32), np.ones((12, 8), np.int32))
+    picture = overlay(rgb, instances, first=2, opacity=0.4)
+    colors = {-1: IGNORE_COLOR, 1: SUPPORT_COLOR, 3: instance_colors(8)[1], 9: instance_colors(8)[7]}
+    opacities = {-1: 0.4, 0: 0.0, 1: 0.2, 3: 0.4, 9: 0.4}
+    for row, column in np.ndindex(12, 40):
+        number = int(instances[row, column])
+        if column % 8 in (0, 7):
+            continue  # beside a border
+        opacity = opacities[number]
+        color = np.array(colors.get(number, (0.0, 0.0, 0.0)))
+        blend = rgb[row, column] / 255 * (1 - opacity) + color * opacity
+        assert picture[row, column].tolist() == (blend * 255).round().tolist()
