@@ -32,6 +32,7 @@ from sgbd.graph_arrays import CUT, MERGE
 from sgbd.losses import EdgeLoss
 from sgbd.models import EdgeClassifier, ObjectnessHead, object_targets
 from sgbd.models.standardize import ColumnMoments
+from sgbd.one_ahead import one_ahead
 from sgbd.sampling import EdgeSampler, edge_labels, graphs_of_pairs
 from sgbd.torch_threads import torch_threads
 
@@ -119,7 +120,8 @@ class Trainer:
     Whatever is random in an epoch (order of the graphs, drawn pairs, dropout) comes from generators seeded by `seed`,
     the epoch and the process. So the same seed gives the same weights, however many `num_workers` read graphs, and a
     training that was killed and goes on from its last finished epoch ends with the weights of an unbroken one, to the
-    last bit. (On a GPU, as far as PyTorch's operations are deterministic there.)
+    last bit. (On a GPU, as far as PyTorch's operations are deterministic there.) While a step computes, a thread draws
+    the next batch's pairs; it takes random numbers from the epoch's generator only, as samplers and augmentations must.
 
     Attributes:
         epochs: Passes over the training graphs.
@@ -411,11 +413,18 @@ class Trainer:
         # Not float64: some devices have none.
         recent = torch.zeros(3, device=fabric.device)
         steps = since = 0
-        for batch in batches.epoch(epoch):
-            # Pairs are drawn on the CPU, so that they are the same on every device.
+        # Begun here and not in the thread that goes on with it: this may fork processes.
+        iterator = iter(batches.epoch(epoch))
+
+        def next_batch() -> Data | None:
+            """Read a batch and draw its pairs, on the CPU: they are the same on every device."""
+            batch = next(iterator, None)
+            if batch is None:
+                return None
             drawn = sampler(batch, generator)
-            if self.augmentation is not None:
-                drawn = self.augmentation(drawn, generator)
+            return drawn if self.augmentation is None else self.augmentation(drawn, generator)
+
+        for drawn in one_ahead(next_batch):
             edge_loss, objectness_loss = self._losses(joint, fabric.to_device(drawn))
             loss = edge_loss + self.objectness_weight * objectness_loss
             optimizer.zero_grad()

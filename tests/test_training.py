@@ -18,6 +18,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from torch import Generator
 from torch_geometric.data import Data
 
+from sgbd import one_ahead
 from sgbd.augmentation import GraphAugmentation
 from sgbd.checkpoint import Checkpoint, CheckpointError
 from sgbd.losses import EdgeLoss
@@ -218,6 +219,20 @@ def test_reading_ahead_changes_nothing(tmp_path: Path) -> None:
     for workers in (0, 2):
         run(tmp_path / str(workers), Trainer(epochs=2, progress=False, num_workers=workers))
     assert_same(last_weights(tmp_path / "0"), last_weights(tmp_path / "2"))
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_drawing_pairs_ahead_in_a_thread_changes_nothing(
+    workers: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trainer = Trainer(epochs=2, batch_size=2, num_workers=workers, progress=False, augmentation=shuffled)
+    results = []
+    for threads in (1, 2):
+        monkeypatch.setattr(one_ahead, "thread_count", functools.partial(int, threads))
+        result, weights = run(tmp_path / str(threads), trainer)
+        results.append((result.history.drop(columns="seconds"), weights))
+    pd.testing.assert_frame_equal(results[0][0], results[1][0], check_exact=True)
+    assert_same(results[0][1], results[1][1])
 
 
 @pytest.mark.parametrize("step", [0, 2, 4, 10])

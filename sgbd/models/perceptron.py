@@ -77,7 +77,7 @@ class Perceptron(nn.Module):
         for place, layer in enumerate(self.lins):
             rows = layer(rows)
             if place < len(self.norms):
-                rows = dropout(self.norms[place](rows).relu(), self.dropout, self.training)
+                rows = dropout(self.norms[place](rows).relu_(), self.dropout, self.training)
         return rows
 
     def folded(self) -> list[tuple[Tensor, Tensor, bool]]:
