@@ -16,7 +16,7 @@ import numpy.typing as npt
 from sgbd.adjacency import LabelMap, Pairs
 from sgbd.compiled import HAS_NUMBA, compiled
 from sgbd.frame import Frame
-from sgbd.side_by_side import side_by_side, thread_count
+from sgbd.side_by_side import bands, side_by_side, thread_count
 
 # Columns of the sums over a region's pixels. Those from VALID on count only pixels with depth.
 PIXELS, RGB, RGB_SQUARED, ROW, COLUMN, VALID, XYZ, XYZ_SQUARED = 0, 1, 4, 7, 8, 9, 10, 13
@@ -102,16 +102,20 @@ def _sums(
     if not HAS_NUMBA:
         slow = sum_regions_numpy(label_map, rgb, depth, camera, count)
         return *slow, *sum_borders_numpy(label_map, rgb, depth, count)
-    regions = np.zeros((count, SUMS))
-    # The first two write columns of their own, and every sum is taken by one thread, in one order.
-    depth_range, _, borders = side_by_side(
+    regions, others = np.zeros((count, SUMS)), np.zeros((count, VALID))
+    upper, lower = bands(len(label_map), 2)
+    # Every sum of depths is taken by one thread, in one order, in columns of its own. Those of colours are exact in any
+    # order, so that they are done in two halves, which leaves two threads with as much to do.
+    depth_range, borders, _, _ = side_by_side(
         [
             partial(_sum_depths, label_map, depth, camera, regions),
-            partial(_sum_colors, label_map, rgb, regions),
             partial(_borders, label_map, rgb, depth, count),
+            partial(_sum_colors, label_map, rgb, regions, *upper),
+            partial(_sum_colors, label_map, rgb, others, *lower),
         ],
         thread_count(),
     )
+    regions[:, :VALID] += others
     return regions, depth_range, *borders
 
 
@@ -150,11 +154,14 @@ def _find_borders(ids, ids_below, right, down):  # type: ignore[no-untyped-def]
 
 
 @compiled(fastmath={"reassoc", "contract", "nsz"})
-def _sum_colors(label_map, rgb, regions):  # type: ignore[no-untyped-def]
-    """Sum up the columns of `Regions.sums` before VALID: whole numbers and halves, exact in any order."""
-    height, width = label_map.shape
+def _sum_colors(label_map, rgb, regions, top, bottom):  # type: ignore[no-untyped-def]
+    """Sum up the columns of `Regions.sums` before VALID over the rows `top` to `bottom` - 1.
+
+    They are whole numbers and halves, exact in any order.
+    """
+    width = label_map.shape[1]
     right, down = np.empty(width, np.int64), np.empty(1, np.int64)
-    for row in range(height):
+    for row in range(top, bottom):
         rights, _ = _find_borders(label_map[row], label_map[row, :0], right, down)
         # Pixels of one superpixel come in runs: sum a run in registers, then add it once.
         first = 0

@@ -16,17 +16,29 @@ def can_be_compiled(network: nn.Module, x: Tensor) -> bool:
         x: float32 [N, F], its input.
 
     Returns:
-        Whether no gradient is asked for, nobody traces the operations, and the numbers lie where loops can reach them.
+        Whether Numba is there, the network is in evaluation mode, and `can_be_overwritten` holds for its input.
+    """
+    return HAS_NUMBA and not network.training and can_be_overwritten(x)
+
+
+def can_be_overwritten(x: Tensor) -> bool:
+    """Say whether what is computed from a tensor may go to memory of one's own choice, to be overwritten later.
+
+    Args:
+        x: What is computed from.
+
+    Returns:
+        Whether no gradient is asked for, nobody traces the operations or changes their type, and the numbers are
+        float32 in the memory of the CPU.
     """
     return (
-        HAS_NUMBA
-        and not network.training
-        and not torch.is_grad_enabled()
+        not torch.is_grad_enabled()
         and type(x) is Tensor
         and x.device.type == "cpu"
         and x.dtype == torch.float32
         and not torch.jit.is_tracing()
         and not torch.compiler.is_compiling()
+        and not torch.is_autocast_enabled("cpu")
     )
 
 

@@ -6,15 +6,20 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import pairwise
 
+import numpy as np
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import batch_norm, dropout, linear
+from torch.nn.functional import batch_norm, dropout
 
-from sgbd.models.in_evaluation import scale_and_shift
-from sgbd.side_by_side import side_by_side, thread_count
+from sgbd.models.in_evaluation import can_be_overwritten, scale_and_shift
+from sgbd.reused_memory import reused
+from sgbd.side_by_side import bands, side_by_side, thread_count
 
-EVALUATED_AT_ONCE = 512
-"""Rows whose hidden states fit into the second-level cache of common processors."""
+ROWS_AT_ONCE = 768
+"""Rows at the most that go through all layers together: their states fit into the caches of common processors."""
+
+TOO_FEW_TO_SHARE = 128
+"""As many rows take no longer than it takes a second thread to begin."""
 
 
 class RowNorm(nn.Module):
@@ -67,6 +72,7 @@ class Perceptron(nn.Module):
     ) -> None:
         super().__init__()
         self.out_channels = channels[-1]
+        self._widest = max(channels[1:])
         self.dropout = dropout
         self.lins = nn.ModuleList(nn.Linear(before, after, bias) for before, after in pairwise(channels))
         normed = channels[1:-1] if plain_last else channels[1:]
@@ -81,25 +87,26 @@ class Perceptron(nn.Module):
         return rows
 
     def folded(self) -> list[tuple[Tensor, Tensor, bool]]:
-        """Return weight [out, in], bias [out] and whether a ReLU follows, of each layer in evaluation."""
+        """Return weight [in, out], bias [out] and whether a ReLU follows, of each layer in evaluation."""
         layers = []
         for place, layer in enumerate(self.lins):
             assert isinstance(layer, nn.Linear)
-            weight = layer.weight
-            bias = weight.new_zeros(weight.size(0)) if layer.bias is None else layer.bias
+            weight: Tensor = layer.weight
+            bias: Tensor = weight.new_zeros(weight.size(0)) if layer.bias is None else layer.bias
             hidden = place < len(self.norms)
             norm = self.norms[place] if hidden else None
-            layers.append((*(norm.fold(weight, bias) if isinstance(norm, RowNorm) else (weight, bias)), hidden))
+            if isinstance(norm, RowNorm):
+                weight, bias = norm.fold(weight, bias)
+            layers.append((weight.t(), bias, hidden))
         return layers
 
     def evaluate(self, rows: Tensor) -> Tensor:
         """Compute what `forward` gives in evaluation, with less to do.
 
-        Norms are part of the linear layers, and a block of rows at a time stays in the processor's cache through all
+        Norms are part of the linear layers, and a block of rows at a time stays in the processor's caches through all
         layers.
         """
-        layers = self.folded()
-        return _in_blocks(rows.size(0), lambda block: _through(layers, rows[block]))
+        return self._in_blocks(rows.size(0), rows, self.folded(), lambda block, memory: rows[block])
 
     def evaluate_pairs(self, nodes: Tensor, edges: Tensor, pairs: Tensor) -> Tensor:
         """Compute what `evaluate` gives for the rows ``[nodes[pairs[0]], nodes[pairs[1]], edges]``.
@@ -117,44 +124,97 @@ class Perceptron(nn.Module):
         """
         (weight, bias, hidden), *layers = self.folded()
         width = nodes.size(1)
-        of_source = linear(nodes, weight[:, :width])
-        of_target = linear(nodes, weight[:, width : 2 * width], bias)
-        of_edge = weight[:, 2 * width :].t()
+        of_source = nodes @ weight[:width]
+        of_target = torch.addmm(bias, nodes, weight[width : 2 * width])
 
-        def evaluate(block: slice) -> Tensor:
-            rows = of_source.index_select(0, pairs[0, block])
-            rows += of_target.index_select(0, pairs[1, block])
+        def first_layer(block: slice, memory: TurnedMemory) -> Tensor:
+            source, target = pairs[0, block], pairs[1, block]
+            size = source.size(0), bias.size(0)
+            added = torch.index_select(of_target, 0, target, out=memory.take(*size))
+            rows = torch.index_select(of_source, 0, source, out=memory.take(*size))
+            rows += added
             if edges.size(1):
-                rows.addmm_(edges[block], of_edge)
-            return _through(layers, rows.relu_() if hidden else rows)
+                rows.addmm_(edges[block], weight[2 * width :])
+            return rows.relu_() if hidden else rows
 
-        return _in_blocks(pairs.size(1), evaluate)
+        return self._in_blocks(pairs.size(1), nodes, layers, first_layer)
+
+    def _in_blocks(
+        self,
+        count: int,
+        given: Tensor,
+        layers: Sequence[tuple[Tensor, Tensor, bool]],
+        start: Callable[[slice, TurnedMemory], Tensor],
+    ) -> Tensor:
+        """Send rows through layers block by block, several at a time where each operation runs in a single thread.
+
+        Args:
+            count: Number of rows.
+            given: What they are computed from.
+            layers: As of `folded`.
+            start: Gives the rows of a block; if it computes them, in the memory that it may take.
+
+        Returns:
+            [count, channels[-1]].
+        """
+        if torch.compiler.is_compiling():  # for any number of rows, of which blocks would fix one
+            return _through(layers, start(slice(None), TurnedMemory(0)), TurnedMemory(0))
+        blocks = equal_blocks(count)
+        if not (layers and can_be_overwritten(given)):
+            memory = TurnedMemory(0)
+            return torch.cat([_through(layers, start(block, memory), memory) for block in blocks])
+        scores = given.new_empty(count, self.out_channels)
+        inference = torch.is_inference_mode_enabled()
+
+        def evaluate(block: slice) -> None:
+            # Modes are a matter of the thread, as the memory is.
+            with torch.inference_mode(inference), torch.no_grad():
+                memory = TurnedMemory(self._widest)
+                _through(layers, start(block, memory), memory, scores[block])
+
+        threads = thread_count() if torch.get_num_threads() == 1 else 1
+        side_by_side([partial(evaluate, block) for block in blocks], threads)
+        return scores
 
 
-def _in_blocks(count: int, evaluate: Callable[[slice], Tensor]) -> Tensor:
-    """Evaluate rows block by block, several at a time; as one block where operations are traced for any number of rows.
+class TurnedMemory:
+    """Memory for the states of a block of rows in two parts, which are taken by turns: a layer reads one and writes the
+    other.
 
-    Threads share the blocks out where each operation runs in a single one; the blocks, and with them the rounding, stay
-    the same.
+    Args:
+        width: Columns at the most; 0 to take none, so that operations allocate their own.
     """
-    if torch.compiler.is_compiling():
-        return evaluate(slice(None))
-    inference = torch.is_inference_mode_enabled()
 
-    def in_mode(block: slice) -> Tensor:
-        # Modes are a matter of the thread.
-        with torch.inference_mode(inference), torch.no_grad():
-            return evaluate(block)
+    def __init__(self, width: int) -> None:
+        # The same from call to call, as fresh memory takes as long as what is computed in it.
+        names = ("perceptron_0", "perceptron_1") if width else ()
+        self._parts = [torch.from_numpy(reused(name, (ROWS_AT_ONCE * width,), np.float32)) for name in names]
 
-    blocks = [slice(start, start + EVALUATED_AT_ONCE) for start in range(0, max(count, 1), EVALUATED_AT_ONCE)]
-    if torch.is_grad_enabled() or torch.get_num_threads() > 1:
-        return torch.cat([evaluate(block) for block in blocks])
-    return torch.cat(side_by_side([partial(in_mode, block) for block in blocks], thread_count()))
+    def take(self, rows: int, columns: int) -> Tensor | None:
+        """Return the part that was not taken last, as float32 [rows, columns] with anything in it; or None."""
+        if not self._parts:
+            return None
+        self._parts.reverse()
+        return self._parts[0][: rows * columns].view(rows, columns)
 
 
-def _through(layers: Sequence[tuple[Tensor, Tensor, bool]], rows: Tensor) -> Tensor:
-    for weight, bias, hidden in layers:
-        rows = linear(rows, weight, bias)
+def equal_blocks(count: int) -> list[slice]:
+    """Cut rows into blocks of one size, as few as `ROWS_AT_ONCE` allows, and an even number of them for two threads.
+
+    The number of threads has no say in it: where a block begins and ends may show in the rounding.
+    """
+    number = 1 if count <= TOO_FEW_TO_SHARE else 2 * -(-count // (2 * ROWS_AT_ONCE))
+    return [slice(*band) for band in bands(count, number)]
+
+
+def _through(
+    layers: Sequence[tuple[Tensor, Tensor, bool]], rows: Tensor, memory: TurnedMemory, out: Tensor | None = None
+) -> Tensor:
+    """Send rows through layers, the last of which writes to `out` if it is given."""
+    for place, (weight, bias, hidden) in enumerate(layers, start=1):
+        last = out if place == len(layers) else None
+        target = memory.take(rows.size(0), weight.size(1)) if last is None else last
+        rows = torch.addmm(bias, rows, weight, out=target)
         if hidden:
             rows = rows.relu_()
     return rows

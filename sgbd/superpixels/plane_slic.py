@@ -9,6 +9,7 @@ import numpy as np
 from sgbd.adjacency import LabelMap
 from sgbd.compiled import HAS_NUMBA
 from sgbd.frame import Frame
+from sgbd.reused_memory import reused
 from sgbd.side_by_side import bands, side_by_side, thread_count
 from sgbd.superpixels.feature_planes import TO_XYZ, gaussian_weights, linear_intensities, smooth, write_lab
 from sgbd.superpixels.fragments import connected_superpixels
@@ -16,7 +17,7 @@ from sgbd.superpixels.local_k_means import Cells
 from sgbd.superpixels.region_merging import merge_alike
 from sgbd.superpixels.slanted_planes import PLANES, assign, cluster, work_space, write_inverse_depth
 from sgbd.superpixels.slic import Slic
-from sgbd.superpixels.slic_fast import reused, say_that_numba_is_missing
+from sgbd.superpixels.slic_fast import say_that_numba_is_missing
 
 SPECK = 8
 """Connected pieces under so many pixels join a neighbour before regions are compared: they are noise."""

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import logging
-import threading
 from collections.abc import Callable, Sequence
 from functools import cache, partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap
 from sgbd.compiled import HAS_NUMBA
 from sgbd.frame import Frame
+from sgbd.reused_memory import reused
 from sgbd.side_by_side import bands, side_by_side, thread_count
 from sgbd.superpixels.feature_planes import (
     FARTHEST,
@@ -33,29 +32,6 @@ logger = logging.getLogger(__name__)
 
 Run = Callable[[Sequence[Callable[[], Any]]], list[Any]]
 """Does jobs, in whatever order or side by side, and returns their results in the order of the jobs."""
-
-
-_memory = threading.local()
-
-
-def reused(role: str, shape: tuple[int, ...], dtype: type) -> npt.NDArray[Any]:
-    """Return an array to work in, the same one in every call from this thread as long as the shape stays.
-
-    Fresh memory of this size comes from the system page by page, which takes as long as what is computed in it.
-
-    Args:
-        role: What the array is for: no two in use at a time share one.
-        shape: Its shape.
-        dtype: Its type.
-
-    Returns:
-        The array, with anything in it.
-    """
-    array: npt.NDArray[Any] | None = getattr(_memory, role, None)
-    if array is None or array.shape != shape:
-        array = np.empty(shape, dtype)
-        setattr(_memory, role, array)
-    return array
 
 
 class FastSlic(Slic):

@@ -6,9 +6,13 @@ from typing import Any
 
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 from torch_geometric.nn import MLP
 
-from sgbd.models.perceptron import EVALUATED_AT_ONCE, Perceptron
+from sgbd.models import perceptron
+from sgbd.models.perceptron import ROWS_AT_ONCE, TOO_FEW_TO_SHARE, Perceptron, equal_blocks
+from sgbd.torch_threads import torch_threads
 
 FORMS: list[dict[str, Any]] = [
     {},
@@ -53,18 +57,62 @@ def test_results_are_those_of_pyg(form: dict[str, Any], rows: int, training: boo
 
 
 @pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("rows", [0, 1, EVALUATED_AT_ONCE + 3])
-def test_the_short_ways_give_what_the_long_one_gives(form: dict[str, Any], rows: int) -> None:
+@pytest.mark.parametrize("rows", [0, 1, TOO_FEW_TO_SHARE + 1, 2 * ROWS_AT_ONCE + 3])
+@pytest.mark.parametrize("gradients", [True, False])
+def test_the_short_ways_give_what_the_long_one_gives(form: dict[str, Any], rows: int, gradients: bool) -> None:
     network = pair(form)[0].eval()
     nodes, edges, ends = torch.randn(7, 3), torch.randn(rows, 2), torch.randint(0, 7, (2, rows))
     whole = torch.cat([nodes[ends[0]], nodes[ends[1]], edges], dim=1)
-    expected = network(whole)
-    torch.testing.assert_close(network.evaluate(whole), expected, rtol=1e-5, atol=1e-5)
-    torch.testing.assert_close(network.evaluate_pairs(nodes, edges, ends), expected, rtol=1e-5, atol=1e-5)
+    with torch.set_grad_enabled(gradients):
+        expected = network(whole)
+        torch.testing.assert_close(network.evaluate(whole), expected, rtol=1e-5, atol=1e-5)
+        torch.testing.assert_close(network.evaluate_pairs(nodes, edges, ends), expected, rtol=1e-5, atol=1e-5)
 
 
-def test_pairs_without_edge_features() -> None:
-    network = Perceptron([6, 4, 1]).eval()
+@pytest.mark.parametrize("channels", [[6, 1], [6, 4, 1]])
+def test_pairs_without_edge_features(channels: list[int]) -> None:
+    network = Perceptron(channels).eval()
     nodes, ends = torch.randn(5, 3), torch.randint(0, 5, (2, 9))
     expected = network(torch.cat([nodes[ends[0]], nodes[ends[1]]], dim=1))
     torch.testing.assert_close(network.evaluate_pairs(nodes, nodes.new_empty(9, 0), ends), expected)
+
+
+def test_gradients_reach_the_inputs_of_the_short_way() -> None:
+    network = pair({})[0].eval()
+    nodes, edges = torch.randn(7, 3, requires_grad=True), torch.randn(200, 2)
+    ends = torch.randint(0, 7, (2, 200))
+    (expected,) = torch.autograd.grad(network(torch.cat([nodes[ends[0]], nodes[ends[1]], edges], dim=1)).sum(), nodes)
+    (found,) = torch.autograd.grad(network.evaluate_pairs(nodes, edges, ends).sum(), nodes)
+    torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-4)
+
+
+def test_the_number_of_threads_changes_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    network = Perceptron([6, 32, 16, 1]).eval()
+    nodes, ends = torch.randn(50, 3), torch.randint(0, 50, (2, 5 * ROWS_AT_ONCE))
+    results = []
+    for threads in (1, 2, 3):
+        monkeypatch.setattr(perceptron, "thread_count", lambda threads=threads: threads)
+        with torch_threads(1), torch.inference_mode():
+            results.append(network.evaluate_pairs(nodes, nodes.new_empty(ends.size(1), 0), ends))
+    assert torch.equal(results[0], results[1])
+    assert torch.equal(results[0], results[2])
+
+
+@torch.inference_mode()
+def test_results_outlast_the_next_call() -> None:
+    network = pair({})[0].eval()
+    rows, others = torch.randn(40, 8), torch.randn(40, 8)
+    first = network.evaluate(rows)
+    kept = first.clone()
+    network.evaluate(others)
+    assert torch.equal(first, kept)
+
+
+@given(st.integers(0, 20_000))
+def test_blocks_are_equal_and_as_many_for_each_of_two_threads(rows: int) -> None:
+    blocks = equal_blocks(rows)
+    assert [row for block in blocks for row in range(block.start, block.stop)] == list(range(rows))
+    sizes = [block.stop - block.start for block in blocks]
+    assert max(sizes) <= ROWS_AT_ONCE
+    assert max(sizes) - min(sizes) <= 1
+    assert len(blocks) % 2 == 0 or (len(blocks) == 1 and rows <= TOO_FEW_TO_SHARE)
