@@ -56,7 +56,7 @@ def compiled(function: Function | None = None, /, **options: Any) -> Function | 
 def _compile(function: Function, options: dict[str, Any]) -> Function:
     if numba is None:
         return function
-    options = {"cache": True, "nogil": True, **options}
+    options = {"cache": True, "nogil": True, "no_cfunc_wrapper": True, **options}
     try:
         return numba.njit(**options)(function)
     except RuntimeError as error:  # raised by Numba when it finds no folder to keep the code in

@@ -130,35 +130,49 @@ class Geometry:
         valid = regions.valid
         depth = _depth_from_neighbors(regions.sums[:, XYZ + 2] / np.maximum(valid, 1), valid > 0, borders)
         intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
-        self.centroid, self.normal, self.residual = _centroids_and_planes(regions.sums, depth, intrinsics)
+        self.centroid, self.normal = np.empty((2, len(depth), 3))
+        self.residual = np.zeros(len(depth))
+        turned, space = np.empty((2, 3, 3))
+        _centroids_and_planes(regions.sums, depth, intrinsics, turned, space, self.centroid, self.normal, self.residual)
 
 
 @compiled
-def _centroids_and_planes(sums, depth, camera):  # type: ignore[no-untyped-def]
-    count = len(sums)
-    fx, fy, cx, cy = camera
-    centroids, normals, residuals = np.empty((count, 3)), np.empty((count, 3)), np.zeros(count)
-    matrix, axes = np.empty((3, 3)), np.empty((3, 3))
-    for region in range(count):
-        valid, pixels = sums[region, VALID], sums[region, PIXELS]
+def _centroids_and_planes(  # type: ignore[no-untyped-def]
+    sums, depth, camera, matrix, axes, centroids, normals, residuals
+):
+    """Write what `Geometry` holds.
+
+    Args:
+        sums: float64 [N, 19], as of `sgbd.regions.Regions`.
+        depth: float64 [N], metres, of the superpixels without any depth.
+        camera: float64 [4], fx, fy, cx, cy.
+        matrix: float64 [3, 3] to work in.
+        axes: float64 [3, 3] to work in.
+        centroids: float64 [N, 3], written.
+        normals: float64 [N, 3], written.
+        residuals: float64 [N] of zeros, written.
+    """
+    for region in range(len(sums)):
+        total, centroid, normal = sums[region], centroids[region], normals[region]
+        valid, pixels = total[VALID], total[PIXELS]
         if valid > 0:
-            for axis in range(3):
-                centroids[region, axis] = sums[region, XYZ + axis] / valid
+            x, y, z = total[XYZ] / valid, total[XYZ + 1] / valid, total[XYZ + 2] / valid
         else:
-            centroids[region, 0] = (sums[region, COLUMN] / pixels - cx) / fx * depth[region]
-            centroids[region, 1] = (sums[region, ROW] / pixels - cy) / fy * depth[region]
-            centroids[region, 2] = depth[region]
-        x, y, z = centroids[region, 0], centroids[region, 1], centroids[region, 2]
+            z = depth[region]
+            x = (total[COLUMN] / pixels - camera[2]) / camera[0] * z
+            y = (total[ROW] / pixels - camera[3]) / camera[1] * z
+        centroid[0], centroid[1], centroid[2] = x, y, z
         # A plane needs three points; with fewer the superpixel is taken to face the camera.
         if valid < 3:
-            distance = max(np.sqrt(x * x + y * y + z * z), 1e-9)
+            distance = np.sqrt(x * x + y * y + z * z)
+            distance = 1e-9 if distance < 1e-9 else distance
             for axis in range(3):
-                normals[region, axis] = -centroids[region, axis] / distance
+                normal[axis] = -centroid[axis] / distance
             continue
         moment = XYZ_SQUARED
         for row in range(3):
             for column in range(row, 3):
-                covariance = sums[region, moment] / valid - centroids[region, row] * centroids[region, column]
+                covariance = total[moment] / valid - centroid[row] * centroid[column]
                 matrix[row, column] = matrix[column, row] = covariance
                 moment += 1
         _diagonalize(matrix, axes)
@@ -168,9 +182,9 @@ def _centroids_and_planes(sums, depth, camera):  # type: ignore[no-untyped-def]
                 flattest = axis
         towards = -(x * axes[0, flattest] + y * axes[1, flattest] + z * axes[2, flattest])
         for axis in range(3):
-            normals[region, axis] = -axes[axis, flattest] if towards < 0 else axes[axis, flattest]
-        residuals[region] = np.sqrt(max(matrix[flattest, flattest], 0.0))
-    return centroids, normals, residuals
+            normal[axis] = -axes[axis, flattest] if towards < 0 else axes[axis, flattest]
+        smallest = matrix[flattest, flattest]
+        residuals[region] = np.sqrt(0.0 if smallest < 0 else smallest)
 
 
 @compiled
@@ -241,61 +255,75 @@ def node_features(frame: Frame, regions: Regions, geometry: Geometry) -> npt.NDA
         float32 [N, F], columns as `NODE_NAMES`.
     """
     camera = frame.camera
-    return _node_features(
+    features = np.empty((len(regions.sums), len(NODE_NAMES)), np.float32)
+    _node_features(
         regions.sums,
         geometry.centroid,
         geometry.normal,
         geometry.residual,
         frame.depth,
-        (camera.fx, camera.fy),
-        (regions.nearest, regions.farthest),
+        float(camera.fx),
+        float(camera.fy),
+        regions.nearest,
+        regions.farthest,
+        features,
     )
+    return features
 
 
 @compiled
-def _node_features(sums, centroids, normals, residuals, depth, focal, depth_range):  # type: ignore[no-untyped-def]
-    """Fill in the columns in the order of `NODE_GROUPS`."""
-    count = len(sums)
+def _node_features(  # type: ignore[no-untyped-def]
+    sums, centroids, normals, residuals, depth, focal_x, focal_y, nearest, farthest, features
+):
+    """Fill in the columns of `features`, float32 [N, 21], in the order of `NODE_GROUPS`."""
     height, width = depth.shape
-    nearest, farthest = depth_range
-    scene = np.zeros(3)
-    for region in range(count):
-        for axis in range(3):
-            scene[axis] += centroids[region, axis] * sums[region, PIXELS]
-    scene /= sums[:, PIXELS].sum()
-    features = np.empty((count, 21), np.float32)
-    for region in range(count):
+    scene_x = scene_y = scene_z = whole = 0.0
+    for region in range(len(sums)):
         pixels = sums[region, PIXELS]
-        row, column = sums[region, ROW] / pixels, sums[region, COLUMN] / pixels
-        features[region, 3] = column / width
-        features[region, 4] = row / height
-        features[region, 5] = (centroids[region, 2] - nearest) / max(farthest - nearest, 1e-9)
-        r, c = int(np.rint(row)), int(np.rint(column))
-        x = -_slope(depth, r, c, 0, 1, focal[0])
-        y = -_slope(depth, r, c, 1, 0, focal[1])
+        scene_x += centroids[region, 0] * pixels
+        scene_y += centroids[region, 1] * pixels
+        scene_z += centroids[region, 2] * pixels
+        whole += pixels
+    scene_x, scene_y, scene_z = scene_x / whole, scene_y / whole, scene_z / whole
+    depth_range = farthest - nearest
+    depth_range = 1e-9 if depth_range < 1e-9 else depth_range
+    for region in range(len(sums)):
+        total, place, feature = sums[region], centroids[region], features[region]
+        pixels = total[PIXELS]
+        row, column = total[ROW] / pixels, total[COLUMN] / pixels
+        feature[3] = column / width
+        feature[4] = row / height
+        feature[5] = (place[2] - nearest) / depth_range
+        r, c = np.int64(np.rint(row)), np.int64(np.rint(column))
+        x = -_slope(depth, r, c, np.int64(0), np.int64(1), focal_x)
+        y = -_slope(depth, r, c, np.int64(1), np.int64(0), focal_y)
         length = np.sqrt(x * x + y * y + 1)
-        features[region, 6] = x / length
-        features[region, 7] = y / length
-        features[region, 8] = 1 / length
+        feature[6] = x / length
+        feature[7] = y / length
+        feature[8] = 1 / length
+        feature[9] = place[0] - scene_x
+        feature[10] = place[1] - scene_y
+        feature[11] = place[2] - scene_z
         for k in range(3):
-            color = sums[region, RGB + k] / pixels
-            variance = sums[region, RGB_SQUARED + k] / pixels - color * color
-            features[region, k] = color / 255
-            features[region, 9 + k] = centroids[region, k] - scene[k]
-            features[region, 12 + k] = normals[region, k]
-            features[region, 15 + k] = np.sqrt(max(variance, 0.0)) / 255
-        features[region, 18] = np.log(pixels / (height * width))
-        features[region, 19] = 1 - sums[region, VALID] / pixels
-        features[region, 20] = np.log1p(residuals[region] * 1000)
-    return features
+            color = total[RGB + k] / pixels
+            variance = total[RGB_SQUARED + k] / pixels - color * color
+            feature[k] = color / 255
+            feature[12 + k] = normals[region, k]
+            feature[15 + k] = np.sqrt(0.0 if variance < 0 else variance) / 255
+        feature[18] = np.log(pixels / (height * width))
+        feature[19] = 1 - total[VALID] / pixels
+        feature[20] = np.log1p(residuals[region] * 1000)
 
 
 @compiled
 def _slope(depth, row, column, down, right, focal):  # type: ignore[no-untyped-def]
     """Slope of the depth at a pixel, metres a metre, by central differences; 0 where depth is missing."""
     height, width = depth.shape
-    first_row, last_row = max(row - down, 0), min(row + down, height - 1)
-    first_column, last_column = max(column - right, 0), min(column + right, width - 1)
+    first_row, last_row = row if row < down else row - down, row if row + down >= height else row + down
+    first_column, last_column = (
+        column if column < right else column - right,
+        column if column + right >= width else column + right,
+    )
     steps = last_row - first_row + last_column - first_column
     here, low = np.float64(depth[row, column]), np.float64(depth[first_row, first_column])
     high = np.float64(depth[last_row, last_column])
@@ -320,49 +348,50 @@ def edge_features(
         float32 [E, D] of the edges i to j, and float32 [E, D] of the edges j to i; columns as `EDGE_NAMES`.
     """
     sums = sums_of_pairs(pairs, borders)
-    return _edge_features(np.ascontiguousarray(pairs), sums, regions.sums, geometry.centroid, geometry.normal)
-
-
-@compiled
-def _edge_features(pairs, borders, sums, centroids, normals):  # type: ignore[no-untyped-def]
-    """Fill in the columns in the order of `EDGE_GROUPS`."""
-    count = pairs.shape[1]
-    forward, backward = np.empty((count, 11), np.float32), np.empty((count, 11), np.float32)
-    for edge in range(count):
-        i, j = pairs[0, edge], pairs[1, edge]
-        length, known = borders[edge, PAIRS], borders[edge, VALID_PAIRS]
-        distance = agreement = color_distance = above_i = above_j = bend = 0.0
-        for axis in range(3):
-            between = centroids[j, axis] - centroids[i, axis]
-            distance += between * between
-            agreement += normals[i, axis] * normals[j, axis]
-            above_i += between * normals[i, axis]
-            above_j -= between * normals[j, axis]
-            bend += (normals[j, axis] - normals[i, axis]) * between
-            color = (sums[i, RGB + axis] / sums[i, PIXELS] - sums[j, RGB + axis] / sums[j, PIXELS]) / 255
-            color_distance += color * color
-        distance = np.sqrt(distance)
-        forward[edge, 0] = np.log1p(length)
-        forward[edge, 1] = np.log1p(borders[edge, DEPTH_STEP] / max(known, 1.0) / DEPTH_STEP_UNIT)
-        forward[edge, 2] = np.log1p(borders[edge, DEPTH_STEP_MIN] / DEPTH_STEP_UNIT)
-        forward[edge, 3] = 1 - known / max(length, 1.0)
-        forward[edge, 4] = borders[edge, COLOR_STEP] / max(length, 1.0) / 255
-        forward[edge, 5] = bend / max(distance, 1e-9)
-        forward[edge, 6] = agreement
-        forward[edge, 7] = _signed_log(above_i / DISTANCE_UNIT)
-        forward[edge, 8] = _signed_log(above_j / DISTANCE_UNIT)
-        forward[edge, 9] = np.log1p(distance / DISTANCE_UNIT)
-        forward[edge, 10] = np.sqrt(color_distance)
-        for column in range(11):
-            backward[edge, column] = forward[edge, column]
-        # Seen from the other end, the planes change places.
-        backward[edge, 7], backward[edge, 8] = forward[edge, 8], forward[edge, 7]
+    forward, backward = np.empty((2, pairs.shape[1], len(EDGE_NAMES)), np.float32)
+    _edge_features(
+        np.ascontiguousarray(pairs), sums, regions.sums, geometry.centroid, geometry.normal, forward, backward
+    )
     return forward, backward
 
 
 @compiled
-def _signed_log(value):  # type: ignore[no-untyped-def]
-    return np.sign(value) * np.log1p(abs(value))
+def _edge_features(pairs, borders, sums, centroids, normals, forward, backward):  # type: ignore[no-untyped-def]
+    """Fill in the columns of `forward` and `backward`, float32 [E, 11], in the order of `EDGE_GROUPS`."""
+    for edge in range(len(forward)):
+        i, j = pairs[0, edge], pairs[1, edge]
+        border, there, back = borders[edge], forward[edge], backward[edge]
+        length, known = border[PAIRS], border[VALID_PAIRS]
+        distance = agreement = color_distance = above_i = above_j = bend = 0.0
+        for axis in range(3):
+            between = centroids[j, axis] - centroids[i, axis]
+            normal_i, normal_j = normals[i, axis], normals[j, axis]
+            distance += between * between
+            agreement += normal_i * normal_j
+            above_i += between * normal_i
+            above_j -= between * normal_j
+            bend += (normal_j - normal_i) * between
+            color = (sums[i, RGB + axis] / sums[i, PIXELS] - sums[j, RGB + axis] / sums[j, PIXELS]) / 255
+            color_distance += color * color
+        distance = np.sqrt(distance)
+        pixels = 1.0 if length < 1 else length
+        there[0] = np.log1p(length)
+        there[1] = np.log1p(border[DEPTH_STEP] / (1.0 if known < 1 else known) / DEPTH_STEP_UNIT)
+        there[2] = np.log1p(border[DEPTH_STEP_MIN] / DEPTH_STEP_UNIT)
+        there[3] = 1 - known / pixels
+        there[4] = border[COLOR_STEP] / pixels / 255
+        there[5] = bend / (1e-9 if distance < 1e-9 else distance)
+        there[6] = agreement
+        # Logarithms with the sign of the distance.
+        above_i, above_j = above_i / DISTANCE_UNIT, above_j / DISTANCE_UNIT
+        there[7] = np.sign(above_i) * np.log1p(abs(above_i))
+        there[8] = np.sign(above_j) * np.log1p(abs(above_j))
+        there[9] = np.log1p(distance / DISTANCE_UNIT)
+        there[10] = np.sqrt(color_distance)
+        for column in range(11):
+            back[column] = there[column]
+        # Seen from the other end, the planes change places.
+        back[7], back[8] = there[8], there[7]
 
 
 def sums_of_pairs(pairs: Pairs, borders: Borders) -> npt.NDArray[np.float64]:

@@ -76,34 +76,67 @@ def agglomerate(
         rank = np.empty(len(total))
         rank[np.argsort(-np.abs(total), kind="stable")] = np.arange(len(total), 0, -1)
         total = np.where(total > 0, rank, -rank)
-    return number_by_first_appearance(_contract(num_nodes, first, second, total, share, _CODES[linkage], cannot_link))
+    strength = total / share if linkage == "mean" else total.copy()
+    num_edges = len(total)
+    parent = np.arange(num_nodes)
+    links, ends = np.full((3, num_nodes), -1), np.full((2, 2 * num_edges), -1)
+    alive, forbidden = np.ones(num_edges, dtype=np.bool_), np.zeros(num_edges, dtype=np.bool_)
+    heap_key, heap_edge = np.empty(2 * num_edges), np.empty(2 * num_edges, dtype=np.int64)
+    _contract(
+        first, second, total, share, strength, _CODES[linkage], cannot_link,
+        parent, np.zeros_like(parent), *links, *ends, alive, forbidden, heap_key, heap_edge,
+    )  # fmt: skip
+    return number_by_first_appearance(parent)
 
 
 @compiled
 def _contract(
-    num_nodes: int,
     first: NDArray[np.int64],
     second: NDArray[np.int64],
     total: NDArray[np.float64],
     share: NDArray[np.float64],
+    strength: NDArray[np.float64],
     linkage: int,
     cannot_link: bool,
-) -> NDArray[np.int64]:
-    """Contract edges greedily; `total` and `share` are used up. Returns a representative of each superpixel's group.
+    parent: NDArray[np.int64],
+    degree: NDArray[np.int64],
+    head: NDArray[np.int64],
+    tail: NDArray[np.int64],
+    edge_to: NDArray[np.int64],
+    end: NDArray[np.int64],
+    following: NDArray[np.int64],
+    alive: NDArray[np.bool_],
+    forbidden: NDArray[np.bool_],
+    heap_key: NDArray[np.float64],
+    heap_edge: NDArray[np.int64],
+) -> None:
+    """Contract edges greedily.
 
-    The strength of an edge is `total`, or `total` / `share` if the linkage is the mean.
+    Edge e is the two half-edges 2e and 2e + 1; `end` says where a half-edge starts, its other half where it leads.
+    The half-edges of a node form a linked list from `head` to `tail`; those of dead edges are skipped and dropped.
+
+    Args:
+        first: int64 [E], one end of each edge.
+        second: int64 [E], its other end.
+        total: float64 [E]; overwritten, like all that follows.
+        share: float64 [E].
+        strength: float64 [E]: `total`, or `total` / `share` if the linkage is the mean.
+        linkage: One of _SUM, _MEAN and _ABSOLUTE_MAXIMUM.
+        cannot_link: Whether negative edges forbid.
+        parent: int64 [N], 0 to N - 1; then a representative of each superpixel's group.
+        degree: int64 [N] of zeros.
+        head: int64 [N] of -1.
+        tail: int64 [N] of -1.
+        edge_to: int64 [N] of -1, the kept node's edge to each of its neighbours.
+        end: int64 [2 E].
+        following: int64 [2 E] of -1, the next half-edge of the same node.
+        alive: bool [E], true.
+        forbidden: bool [E], false.
+        heap_key: float64 [2 E]. The heap may hold outdated strengths of an edge; they are recognised when they come up.
+            An edge enters it once for itself and once for each edge that it absorbs.
+        heap_edge: int64 [2 E].
     """
-    num_edges = len(total)
-    strength = total / share if linkage == _MEAN else total.copy()
-    parent = np.arange(num_nodes)
-    # Edge e is the two half-edges 2e and 2e + 1; `end` says where a half-edge starts, its other half where it leads.
-    # The half-edges of a node form a linked list from `head` to `tail`; those of dead edges are skipped and dropped.
-    end = np.empty(2 * num_edges, dtype=np.int64)
-    following = np.full(2 * num_edges, -1, dtype=np.int64)
-    head = np.full(num_nodes, -1, dtype=np.int64)
-    tail = np.full(num_nodes, -1, dtype=np.int64)
-    degree = np.zeros(num_nodes, dtype=np.int64)
-    alive = np.ones(num_edges, dtype=np.bool_)
+    num_nodes, num_edges = len(parent), len(total)
     for half in range(2 * num_edges):
         node = first[half >> 1] if half & 1 == 0 else second[half >> 1]
         end[half] = node
@@ -114,16 +147,10 @@ def _contract(
         tail[node] = half
         degree[node] += 1
 
-    # The heap may hold outdated strengths of an edge; they are recognised when they come up. An edge enters it once for
-    # itself and once for each edge that it absorbs.
-    forbidden = np.zeros(num_edges, dtype=np.bool_)
-    heap_key = np.empty(2 * num_edges, dtype=np.float64)
-    heap_edge = np.empty(2 * num_edges, dtype=np.int64)
-    size = 0
+    size = np.int64(0)
     for edge in range(num_edges):
         if cannot_link or strength[edge] > 0:
             size = push(heap_key, heap_edge, size, abs(strength[edge]), edge)
-    edge_to = np.full(num_nodes, -1, dtype=np.int64)  # the kept node's edge to each of its neighbours
     while size > 0:
         greatest, contracted = heap_key[0], heap_edge[0]
         size = pop(heap_key, heap_edge, size)
@@ -199,4 +226,3 @@ def _contract(
             parent[root] = parent[parent[root]]
             root = parent[root]
         parent[node] = root
-    return parent

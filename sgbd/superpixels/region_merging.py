@@ -25,6 +25,9 @@ from sgbd.superpixels.slanted_planes import DISPARITY, plane_fit
 # Sums over a region: its pixels and their colours, then over those with depth what a plane needs, and d d.
 _DEPTH, _SQUARES, _SUMS = 4, 13, 14
 
+# How a region looks: its mean colour, and the squared error of its plane.
+_ERROR = 3
+
 
 def merge_alike(
     label_map: LabelMap,
@@ -63,7 +66,12 @@ def merge_alike(
         ],
         threads,
     )
-    parents = _merge(sums, ends[: 2 * edges], n_segments, tolerance, min_size)
+    parents, heap = np.arange(count), np.arange(edges)
+    heads, met, links = np.full(count, -1), np.full(count, -1), np.full((2, 2 * edges), -1)
+    _merge(
+        sums, ends, n_segments, tolerance, min_size,
+        parents, met, heads, *links, np.empty((count, 4)), np.empty(_SUMS - _DEPTH), np.empty(edges), heap, heap.copy(),
+    )  # fmt: skip
     # A root is the first of its group in raster order.
     roots = np.flatnonzero(parents == np.arange(count))
     return repaint(label_map, np.searchsorted(roots, parents))
@@ -129,7 +137,7 @@ def _sum_colors_and_pair(label_map, planes, table, ends, sums):  # type: ignore[
         The number of edges.
     """
     height, width = label_map.shape
-    edges = 0
+    edges = np.int64(0)
     for row in range(height):
         column = 0
         last_above = last_below = left = np.int64(-1)
@@ -162,7 +170,7 @@ def _add(table, ends, edges, one, other):  # type: ignore[no-untyped-def]
     if other < one:
         one, other = other, one
     last = len(table) - 1
-    slot = (np.int64(one) * 73856093 ^ np.int64(other) * 19349663) & last
+    slot = (one * 73856093 ^ other * 19349663) & last
     while table[slot] >= 0:
         edge = table[slot]
         if ends[2 * edge] == one and ends[2 * edge + 1] == other:
@@ -174,44 +182,46 @@ def _add(table, ends, edges, one, other):  # type: ignore[no-untyped-def]
 
 
 @compiled(error_model="numpy")
-def _merge(sums, ends, n_segments, tolerance, min_size):  # type: ignore[no-untyped-def]
-    """Merge regions, and return the root of each: the smallest id of its group.
+def _merge(  # type: ignore[no-untyped-def]
+    sums, ends, n_segments, tolerance, min_size, parents, met, heads, after, before, looks, union, costs, heap, places
+):
+    """Merge regions.
 
     The edges of a region are a doubly linked list of *half edges*: half edge h belongs to region ends[h], its edge is
     h // 2, and h ^ 1 is its other half. All edges wait in a heap, the cheapest on top; `places` knows where each is.
 
     Args:
         sums: float64 [N, 14], of each region; overwritten.
-        ends: int32 [2 E]; overwritten.
+        ends: int32 [2 E at the least]; overwritten.
         n_segments: Regions at the most.
         tolerance: Cost that counts for nothing.
         min_size: Pixels a region needs to stay.
-
-    Returns:
-        int64 [N].
+        parents: int64 [N], the regions themselves, 0 to N - 1; then the root of each: the smallest id of its group.
+        met: int64 [N] of -1 to work in.
+        heads: int64 [N] of -1 to work in: the first half edge of each region.
+        after: int64 [2 E] of -1 to work in: the next half edge of the same region.
+        before: int64 [2 E] of -1 to work in: the one before.
+        looks: float64 [N, 4] to work in: the mean colour of each region, and the squared error of its plane.
+        union: float64 [10] to work in: the sums of two regions that a plane needs.
+        costs: float64 [E] to work in.
+        heap: int64 [E], 0 to E - 1, to work in.
+        places: int64 [E], 0 to E - 1, to work in.
     """
-    count, edges = len(sums), len(ends) // 2
-    heads = np.full(count, -1, np.int64)
-    after, before = np.full(2 * edges, -1, np.int64), np.full(2 * edges, -1, np.int64)
+    count, edges = len(parents), len(costs)
     for half in range(2 * edges):
-        _prepend(heads, after, before, ends[half], half)
-    colors, errors = np.empty((count, 3)), np.empty(count)
+        _prepend(heads, after, before, np.int64(ends[half]), half)
     for region in range(count):
-        _judge(sums, region, colors, errors)
-    costs = np.empty(edges)
-    heap, places = np.arange(edges), np.arange(edges)
+        _judge(sums, region, looks)
     for edge in range(edges):
-        costs[edge] = _cost(sums, colors, errors, ends[2 * edge], ends[2 * edge + 1])
+        costs[edge] = _cost(sums, looks, union, np.int64(ends[2 * edge]), np.int64(ends[2 * edge + 1]))
     waiting = edges
     for place in range(edges // 2 - 1, -1, -1):
         _sink(heap, places, costs, waiting, place)
-    parents = np.arange(count)
-    met = np.full(count, -1, np.int64)
     left = count
     only_fragments = False
     while waiting > 0:
         edge = heap[0]
-        keep, gone = ends[2 * edge], ends[2 * edge + 1]
+        keep, gone = np.int64(ends[2 * edge]), np.int64(ends[2 * edge + 1])
         only_fragments = only_fragments or (left <= n_segments and costs[edge] > tolerance)
         waiting = _remove(heap, places, costs, waiting, edge)
         if only_fragments and sums[keep, 0] >= min_size and sums[gone, 0] >= min_size:
@@ -224,7 +234,7 @@ def _merge(sums, ends, n_segments, tolerance, min_size):  # type: ignore[no-unty
         left -= 1
         for k in range(_SUMS):
             sums[keep, k] += sums[gone, k]
-        _judge(sums, keep, colors, errors)
+        _judge(sums, keep, looks)
         half = heads[keep]
         while half >= 0:
             met[ends[half ^ 1]] = keep
@@ -233,7 +243,7 @@ def _merge(sums, ends, n_segments, tolerance, min_size):  # type: ignore[no-unty
         half = heads[gone]
         while half >= 0:
             following = after[half]
-            other = ends[half ^ 1]
+            other = np.int64(ends[half ^ 1])
             if met[other] == keep:
                 _unlink(heads, after, before, other, half ^ 1)
                 if places[half // 2] >= 0:
@@ -247,55 +257,42 @@ def _merge(sums, ends, n_segments, tolerance, min_size):  # type: ignore[no-unty
             met[ends[half ^ 1]] = -1
             edge = half // 2
             if places[edge] >= 0:
-                costs[edge] = _cost(sums, colors, errors, ends[half], ends[half ^ 1])
+                costs[edge] = _cost(sums, looks, union, np.int64(ends[half]), np.int64(ends[half ^ 1]))
                 _rise(heap, places, costs, places[edge])
                 _sink(heap, places, costs, waiting, places[edge])
             half = after[half]
     for region in range(count):
         # A parent has the smaller id, so that its own root is known by now.
         parents[region] = parents[parents[region]]
-    return parents
 
 
-@compiled(error_model="numpy")
-def _judge(sums, region, colors, errors):  # type: ignore[no-untyped-def]
+@compiled(inline="always")
+def _judge(sums, region, looks):  # type: ignore[no-untyped-def]
     """Write the mean colour of a region and the squared error of its plane."""
     for k in range(3):
-        colors[region, k] = sums[region, 1 + k] / sums[region, 0]
-    errors[region] = _error_of_union(sums, region, -1) if sums[region, _DEPTH] > 0 else 0.0
+        looks[region, k] = sums[region, 1 + k] / sums[region, 0]
+    looks[region, _ERROR] = plane_fit(sums[region, _DEPTH:_SQUARES], sums[region, _SQUARES])[3] if sums[region, _DEPTH] > 0 else 0.0
 
 
 @compiled(error_model="numpy")
-def _error_of_union(sums, one, other):  # type: ignore[no-untyped-def]
-    """Squared error of one plane for two regions, or for one if the other is -1."""
-    # Numbers instead of an array: they stay in registers.
-    s0, s1, s2 = sums[one, _DEPTH], sums[one, _DEPTH + 1], sums[one, _DEPTH + 2]
-    s3, s4, s5 = sums[one, _DEPTH + 3], sums[one, _DEPTH + 4], sums[one, _DEPTH + 5]
-    s6, s7, s8 = sums[one, _DEPTH + 6], sums[one, _DEPTH + 7], sums[one, _DEPTH + 8]
-    squares = sums[one, _SQUARES]
-    if other >= 0:
-        s0, s1, s2 = s0 + sums[other, _DEPTH], s1 + sums[other, _DEPTH + 1], s2 + sums[other, _DEPTH + 2]
-        s3, s4, s5 = s3 + sums[other, _DEPTH + 3], s4 + sums[other, _DEPTH + 4], s5 + sums[other, _DEPTH + 5]
-        s6, s7, s8 = s6 + sums[other, _DEPTH + 6], s7 + sums[other, _DEPTH + 7], s8 + sums[other, _DEPTH + 8]
-        squares += sums[other, _SQUARES]
-    return plane_fit((s0, s1, s2, s3, s4, s5, s6, s7, s8), squares)[3]
-
-
-@compiled(error_model="numpy")
-def _cost(sums, colors, errors, one, other):  # type: ignore[no-untyped-def]
+def _cost(sums, looks, union, one, other):  # type: ignore[no-untyped-def]
     """By how much the squared error rises when two regions merge; regions without depth are compared by colour."""
-    n, m = sums[one, 0], sums[other, 0]
+    first, second = sums[one], sums[other]
+    n, m = first[0], second[0]
     apart = 0.0
     for k in range(3):
-        difference = colors[one, k] - colors[other, k]
+        difference = looks[one, k] - looks[other, k]
         apart += difference * difference
     cost = n * m / (n + m) * apart
-    if sums[one, _DEPTH] > 0 and sums[other, _DEPTH] > 0:
-        cost += max(_error_of_union(sums, one, other) - errors[one] - errors[other], 0.0)
+    if first[_DEPTH] > 0 and second[_DEPTH] > 0:
+        for k in range(_SUMS - _DEPTH):
+            union[k] = first[_DEPTH + k] + second[_DEPTH + k]
+        more = plane_fit(union, union[_SQUARES - _DEPTH])[3] - looks[one, _ERROR] - looks[other, _ERROR]
+        cost += 0.0 if more < 0 else more
     return cost
 
 
-@compiled
+@compiled(inline="always")
 def _prepend(heads, after, before, region, half):  # type: ignore[no-untyped-def]
     first = heads[region]
     after[half], before[half] = first, -1
@@ -304,7 +301,7 @@ def _prepend(heads, after, before, region, half):  # type: ignore[no-untyped-def
     heads[region] = half
 
 
-@compiled
+@compiled(inline="always")
 def _unlink(heads, after, before, region, half):  # type: ignore[no-untyped-def]
     if before[half] >= 0:
         after[before[half]] = after[half]
@@ -314,7 +311,7 @@ def _unlink(heads, after, before, region, half):  # type: ignore[no-untyped-def]
         before[after[half]] = before[half]
 
 
-@compiled
+@compiled(inline="always")
 def _remove(heap, places, costs, waiting, edge):  # type: ignore[no-untyped-def]
     """Take an edge out of the heap, and return how many are left."""
     place = places[edge]
@@ -328,7 +325,7 @@ def _remove(heap, places, costs, waiting, edge):  # type: ignore[no-untyped-def]
     return waiting
 
 
-@compiled
+@compiled(inline="always")
 def _rise(heap, places, costs, place):  # type: ignore[no-untyped-def]
     edge = heap[place]
     while place > 0:

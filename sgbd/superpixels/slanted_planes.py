@@ -254,7 +254,8 @@ def plane_fit(sums, squares):  # type: ignore[no-untyped-def]
     # The penalty keeps the determinant positive.
     determinant = yy * xx - yx * yx
     down, right = (dy * xx - dx * yx) / determinant, (dx * yy - dy * yx) / determinant
-    return d - down * y - right * x, down, right, max(squares - count * d * d - down * dy - right * dx, 0.0)
+    error = squares - count * d * d - down * dy - right * dx
+    return d - down * y - right * x, down, right, 0.0 if error < 0 else error
 
 
 def work_space(cells: Cells) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.int32]]:
