@@ -264,20 +264,21 @@ def _sample(label_map, depth, rgb, camera, sums, histogram):  # type: ignore[no-
         sums: float64 [S, 10] of zeros, written.
         histogram: int64 [S, 64] of zeros, written: pixels in each bin of colours.
     """
-    fx, fy, cx, cy = camera
+    fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
     for row in range(STRIDE // 2, label_map.shape[0], STRIDE):
         for column in range(STRIDE // 2, label_map.shape[1], STRIDE):
             segment, z = np.int64(label_map[row, column]), np.float64(depth[row, column])
-            sums[segment, 0] += 1
-            sums[segment, 1] += column
-            sums[segment, 2] += row
-            sums[segment, 3] += column * column
-            sums[segment, 4] += column * row
-            sums[segment, 5] += row * row
-            sums[segment, 6] += z > 0
-            sums[segment, 7] += (column - cx) / fx * z
-            sums[segment, 8] += (row - cy) / fy * z
-            sums[segment, 9] += z
+            total = sums[segment]
+            total[0] += 1
+            total[1] += column
+            total[2] += row
+            total[3] += column * column
+            total[4] += column * row
+            total[5] += row * row
+            total[6] += z > 0
+            total[7] += (column - cx) / fx * z
+            total[8] += (row - cy) / fy * z
+            total[9] += z
             color = np.int64(0)
             for k in range(3):
                 color = color * BINS + np.int64(rgb[row, column, k]) * BINS // 256
@@ -291,8 +292,10 @@ def _depth_range(depth):  # type: ignore[no-untyped-def]
     for row in range(depth.shape[0]):
         for column in range(depth.shape[1]):
             z = depth[row, column]
-            farthest = max(farthest, z)
-            nearest = min(nearest, z if z > 0 else np.float32(np.inf))
+            if z > farthest:
+                farthest = z
+            if 0 < z < nearest:
+                nearest = z
     return (np.float64(nearest), np.float64(farthest)) if farthest > 0 else (1.0, 1.0)
 
 

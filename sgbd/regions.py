@@ -104,14 +104,16 @@ def _sums(
         return *slow, *sum_borders_numpy(label_map, rgb, depth, count)
     regions, others = np.zeros((count, SUMS)), np.zeros((count, VALID))
     upper, lower = bands(len(label_map), 2)
+    width = label_map.shape[1]
+    slopes = (np.arange(width) - camera[2]) / camera[0]
     # Every sum of depths is taken by one thread, in one order, in columns of its own. Those of colours are exact in any
     # order, so that they are done in two halves, which leaves two threads with as much to do.
     depth_range, borders, _, _ = side_by_side(
         [
-            partial(_sum_depths, label_map, depth, camera, regions),
+            partial(_sum_depths, label_map, depth, camera, slopes, np.empty(width, np.int64), regions),
             partial(_borders, label_map, rgb, depth, count),
-            partial(_sum_colors, label_map, rgb, regions, *upper),
-            partial(_sum_colors, label_map, rgb, others, *lower),
+            partial(_sum_colors, label_map, rgb, np.empty(width, np.int64), regions, *upper),
+            partial(_sum_colors, label_map, rgb, np.empty(width, np.int64), others, *lower),
         ],
         thread_count(),
     )
@@ -123,53 +125,55 @@ def _borders(
     label_map: LabelMap, rgb: npt.NDArray[np.uint8], depth: npt.NDArray[np.float32], count: int
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
     limit = BORDERS_PER_REGION * count
+    steps = np.empty((2, label_map.shape[1]), np.int64)
     while True:
-        keys, sums, used = _sum_borders(label_map, rgb, depth, count, limit)
+        # At most half full.
+        table = np.full(max(16, 1 << (2 * limit - 1).bit_length()), -1)
+        keys, sums = np.empty(limit, np.int64), np.zeros((limit, BORDER_SUMS))
+        used = _sum_borders(label_map, rgb, depth, count, *steps, table, keys, sums)
         if used <= limit:
-            return keys, sums
+            return keys[:used].copy(), sums[:used].copy()
         limit *= 4
 
 
 @compiled
-def _find_borders(ids, ids_below, right, down):  # type: ignore[no-untyped-def]
-    """Find where a step to the right, or down, leads into another superpixel, without a branch.
+def _find_steps(ids, others, count, steps):  # type: ignore[no-untyped-def]
+    """Find where a step leads into another superpixel, without a branch.
 
     Args:
         ids: int32 [W], a row of the label map.
-        ids_below: int32 [W], the row below it; [0] for the last row.
-        right: int64 [W], written: the columns before such a step to the right.
-        down: int64 [W], written: the columns above such a step down.
+        others: int32 [count at the least], where a step leads to from each: the row from its second pixel on, or the
+            row below.
+        count: Steps to look at.
+        steps: int64 [W], written: the columns that such steps start from.
 
     Returns:
-        How many there are of both.
+        How many there are.
     """
-    rights = downs = 0
-    for column in range(len(ids) - 1):
-        right[rights] = column
-        rights += ids[column] != ids[column + 1]
-    for column in range(len(ids_below)):
-        down[downs] = column
-        downs += ids[column] != ids_below[column]
-    return rights, downs
+    found = np.int64(0)
+    for column in range(count):
+        steps[found] = column
+        found += ids[column] != others[column]
+    return found
 
 
 @compiled(fastmath={"reassoc", "contract", "nsz"})
-def _sum_colors(label_map, rgb, regions, top, bottom):  # type: ignore[no-untyped-def]
+def _sum_colors(label_map, rgb, right, regions, top, bottom):  # type: ignore[no-untyped-def]
     """Sum up the columns of `Regions.sums` before VALID over the rows `top` to `bottom` - 1.
 
     They are whole numbers and halves, exact in any order.
     """
     width = label_map.shape[1]
-    right, down = np.empty(width, np.int64), np.empty(1, np.int64)
     for row in range(top, bottom):
-        rights, _ = _find_borders(label_map[row], label_map[row, :0], right, down)
+        ids, colors = label_map[row], rgb[row]
+        rights = _find_steps(ids, ids[1:], width - 1, right)
         # Pixels of one superpixel come in runs: sum a run in registers, then add it once.
         first = 0
         for run in range(rights + 1):
             last = right[run] if run < rights else width - 1
-            red = green = blue = red_squared = green_squared = blue_squared = 0
+            red = green = blue = red_squared = green_squared = blue_squared = np.int64(0)
             for column in range(first, last + 1):
-                r, g, b = int(rgb[row, column, 0]), int(rgb[row, column, 1]), int(rgb[row, column, 2])
+                r, g, b = np.int64(colors[column, 0]), np.int64(colors[column, 1]), np.int64(colors[column, 2])
                 red += r
                 green += g
                 blue += b
@@ -177,41 +181,39 @@ def _sum_colors(label_map, rgb, regions, top, bottom):  # type: ignore[no-untype
                 green_squared += g * g
                 blue_squared += b * b
             length = last + 1 - first
-            region = label_map[row, first]
-            regions[region, PIXELS] += length
-            regions[region, RGB] += red
-            regions[region, RGB + 1] += green
-            regions[region, RGB + 2] += blue
-            regions[region, RGB_SQUARED] += red_squared
-            regions[region, RGB_SQUARED + 1] += green_squared
-            regions[region, RGB_SQUARED + 2] += blue_squared
-            regions[region, ROW] += row * length
-            regions[region, COLUMN] += length * (first + last) / 2
+            total = regions[ids[first]]
+            total[PIXELS] += length
+            total[RGB] += red
+            total[RGB + 1] += green
+            total[RGB + 2] += blue
+            total[RGB_SQUARED] += red_squared
+            total[RGB_SQUARED + 1] += green_squared
+            total[RGB_SQUARED + 2] += blue_squared
+            total[ROW] += row * length
+            total[COLUMN] += length * (first + last) / 2
             first = last + 1
 
 
 @compiled(fastmath={"reassoc", "contract", "nsz"})
-def _sum_depths(label_map, depth, camera, regions):  # type: ignore[no-untyped-def]
+def _sum_depths(label_map, depth, camera, x_slopes, right, regions):  # type: ignore[no-untyped-def]
     """Sum up the columns of `Regions.sums` from VALID on, and return the smallest and largest depth."""
     height, width = label_map.shape
-    fx, fy, cx, cy = camera
-    x_slopes = (np.arange(width) - cx) / fx
     nearest, farthest = np.inf, 0.0
-    right, down = np.empty(width, np.int64), np.empty(1, np.int64)
     for row in range(height):
-        rights, _ = _find_borders(label_map[row], label_map[row, :0], right, down)
+        ids, line = label_map[row], depth[row]
+        rights = _find_steps(ids, ids[1:], width - 1, right)
         # Missing depth is 0 and adds nothing but to the count; Y is y_slope * Z throughout the row, so that its sums
         # need no loop.
-        y_slope = (row - cy) / fy
+        y_slope = (row - camera[3]) / camera[1]
         first = 0
         for run in range(rights + 1):
             last = right[run] if run < rights else width - 1
-            valid = 0
+            valid = np.int64(0)
             x_sum = z_sum = xx_sum = xz_sum = zz_sum = 0.0
             for column in range(first, last + 1):
-                z = np.float64(depth[row, column])
+                z = np.float64(line[column])
                 x = x_slopes[column] * z
-                valid += int(z > 0)
+                valid += z > 0
                 x_sum += x
                 z_sum += z
                 xx_sum += x * x
@@ -219,71 +221,82 @@ def _sum_depths(label_map, depth, camera, regions):  # type: ignore[no-untyped-d
                 zz_sum += z * z
                 farthest = max(farthest, z)
                 nearest = min(nearest, z if z > 0 else np.inf)
-            region = label_map[row, first]
-            regions[region, VALID] += valid
-            regions[region, XYZ] += x_sum
-            regions[region, XYZ + 1] += y_slope * z_sum
-            regions[region, XYZ + 2] += z_sum
-            regions[region, XYZ_SQUARED] += xx_sum
-            regions[region, XYZ_SQUARED + 1] += y_slope * xz_sum
-            regions[region, XYZ_SQUARED + 2] += xz_sum
-            regions[region, XYZ_SQUARED + 3] += y_slope * y_slope * zz_sum
-            regions[region, XYZ_SQUARED + 4] += y_slope * zz_sum
-            regions[region, XYZ_SQUARED + 5] += zz_sum
+            total = regions[ids[first]]
+            total[VALID] += valid
+            total[XYZ] += x_sum
+            total[XYZ + 1] += y_slope * z_sum
+            total[XYZ + 2] += z_sum
+            total[XYZ_SQUARED] += xx_sum
+            total[XYZ_SQUARED + 1] += y_slope * xz_sum
+            total[XYZ_SQUARED + 2] += xz_sum
+            total[XYZ_SQUARED + 3] += y_slope * y_slope * zz_sum
+            total[XYZ_SQUARED + 4] += y_slope * zz_sum
+            total[XYZ_SQUARED + 5] += zz_sum
             first = last + 1
     return (nearest if farthest > 0 else 0.0), farthest
 
 
 @compiled(fastmath={"reassoc", "contract", "nsz"})
-def _sum_borders(label_map, rgb, depth, count, limit):  # type: ignore[no-untyped-def]
-    """Sum over borders; a number of borders above `limit` says that they did not fit."""
+def _sum_borders(label_map, rgb, depth, count, right, down, table, keys, borders):  # type: ignore[no-untyped-def]
+    """Sum over borders.
+
+    Args:
+        label_map: int32 [H, W].
+        rgb: uint8 [H, W, 3].
+        depth: float32 [H, W].
+        count: Number of superpixels.
+        right: int64 [W] to work in.
+        down: int64 [W] to work in.
+        table: int64 [a power of two] of -1 to work in: a hash table from the keys of borders to rows of their sums.
+        keys: int64 [limit], written: i * count + j of each border.
+        borders: float64 [limit, 5] of zeros, written: its sums.
+
+    Returns:
+        The number of borders; one above the limit says that they did not fit.
+    """
     height, width = label_map.shape
-    # An open-addressing hash table from the keys of borders to rows of their sums, at most half full.
-    capacity = 16
-    while capacity < 2 * limit:
-        capacity *= 2
-    table = np.full(capacity, -1)
-    keys, borders = np.empty(limit, np.int64), np.zeros((limit, BORDER_SUMS))
-    used = 0
-    last_key, border = np.int64(-1), 0
-    right, down = np.empty(width, np.int64), np.empty(width, np.int64)
+    limit, slots = len(keys), len(table) - 1
+    used = np.int64(0)
+    last_key, border = np.int64(-1), np.int64(0)
     for row in range(height):
-        below = label_map[row + 1] if row + 1 < height else label_map[row, :0]
-        rights, downs = _find_borders(label_map[row], below, right, down)
+        ids = label_map[row]
+        rights = _find_steps(ids, ids[1:], width - 1, right)
+        downs = _find_steps(ids, label_map[row + 1], width, down) if row + 1 < height else np.int64(0)
         for step in range(rights + downs):
             is_down = step >= rights
             column = down[step - rights] if is_down else right[step]
             next_row, next_column = row + is_down, column + 1 - is_down
-            a, b = label_map[row, column], label_map[next_row, next_column]
-            key = np.int64(min(a, b)) * count + max(a, b)
+            a, b = np.int64(ids[column]), np.int64(label_map[next_row, next_column])
+            key = a * count + b if a < b else b * count + a
             # Steps side by side mostly cross the same border.
             if key != last_key:
                 last_key = key
-                slot = (key * 0x9E3779B1 >> 7) & (capacity - 1)
+                slot = (key * 0x9E3779B1 >> 7) & slots
                 while table[slot] >= 0 and keys[table[slot]] != key:
-                    slot = (slot + 1) & (capacity - 1)
+                    slot = (slot + 1) & slots
                 border = table[slot]
                 if border < 0:
                     if used == limit:
-                        return keys, borders, limit + 1
+                        return limit + 1
                     border = used
                     table[slot] = used
                     keys[used] = key
                     used += 1
-            distance = 0
+            distance, color, next_color = np.int64(0), rgb[row, column], rgb[next_row, next_column]
             for k in range(3):
-                difference = int(rgb[row, column, k]) - int(rgb[next_row, next_column, k])
+                difference = np.int64(color[k]) - np.int64(next_color[k])
                 distance += difference * difference
-            borders[border, PAIRS] += 1
-            borders[border, COLOR_STEP] += np.sqrt(np.float64(distance))
+            total = borders[border]
+            total[PAIRS] += 1
+            total[COLOR_STEP] += np.sqrt(np.float64(distance))
             z, next_z = np.float64(depth[row, column]), np.float64(depth[next_row, next_column])
             if z > 0 and next_z > 0:
                 jump = abs(z - next_z)
-                if borders[border, VALID_PAIRS] == 0 or jump < borders[border, DEPTH_STEP_MIN]:
-                    borders[border, DEPTH_STEP_MIN] = jump
-                borders[border, VALID_PAIRS] += 1
-                borders[border, DEPTH_STEP] += jump
-    return keys[:used].copy(), borders[:used].copy(), used
+                if total[VALID_PAIRS] == 0 or jump < total[DEPTH_STEP_MIN]:
+                    total[DEPTH_STEP_MIN] = jump
+                total[VALID_PAIRS] += 1
+                total[DEPTH_STEP] += jump
+    return used
 
 
 def sum_regions_numpy(

@@ -53,18 +53,36 @@ def gated_pass(
         projected, edge_terms, nodes, edges, first, neighbors, node_scale, node_shift, edge_scale, edge_shift
     )  # fmt: skip
     threads = thread_count()
-    side_by_side([partial(_update_nodes, *arrays, *band) for band in bands(len(nodes), threads)], threads)
+    side_by_side(
+        [partial(_update_nodes, *arrays, *work_space(nodes.shape[1]), *band) for band in bands(len(nodes), threads)],
+        threads,
+    )
+
+
+def work_space(channels: int) -> tuple[Floats, Floats, npt.NDArray[np.int32], Floats]:
+    """Allocate what one thread needs in `_update_nodes`.
+
+    Args:
+        channels: Width C of the states.
+
+    Returns:
+        Sums float32 [2, C], gates float32 [C], and one array, as int32 [C] and as float32 [C], for `_sigmoid`.
+    """
+    bits = np.empty(channels, np.int32)
+    return np.empty((2, channels), np.float32), np.empty(channels, np.float32), bits, bits.view(np.float32)
 
 
 @compiled(fastmath=True)
 def _update_nodes(  # type: ignore[no-untyped-def]
-    projected, edge_terms, nodes, edges, first, neighbors, node_scale, node_shift, edge_scale, edge_shift, begin, end
-):
-    """Update the nodes `begin` to `end` - 1, and the edges that lead to them; the rest as of `gated_pass`."""
+    projected, edge_terms, nodes, edges, first, neighbors, node_scale, node_shift, edge_scale, edge_shift,
+    sums, gates, bits, power, begin, end
+):  # fmt: skip
+    """Update the nodes `begin` to `end` - 1, and the edges that lead to them.
+
+    `sums` to `power` are of `work_space`, the rest as of `gated_pass`.
+    """
     channels = nodes.shape[1]
-    weighted, total = np.empty(channels, np.float32), np.empty(channels, np.float32)
-    gates, bits = np.empty(channels, np.float32), np.empty(channels, np.int32)
-    power = bits.view(np.float32)
+    weighted, total = sums[0], sums[1]
     for center in range(begin, end):
         for c in range(channels):
             weighted[c] = _ZERO

@@ -43,9 +43,16 @@ def gaussian_weights(sigma: float) -> npt.NDArray[np.float32]:
     return (weights / (weights[0] + 2 * weights[1:].sum())).astype(np.float32)
 
 
-# Division by zero gives infinity, as in NumPy: a check for it would keep the loops from becoming vector instructions.
-@compiled(error_model="numpy")
-def write_lab(rgb, intensities, to_xyz, scale, scratch, planes, first, last):  # type: ignore[no-untyped-def]
+def write_lab(
+    rgb: npt.NDArray[np.uint8],
+    intensities: npt.NDArray[np.float32],
+    to_xyz: npt.NDArray[np.float32],
+    scale: np.float32,
+    scratch: npt.NDArray[np.float32],
+    planes: Planes,
+    first: int,
+    last: int,
+) -> None:
     """Convert a band of rows to Lab.
 
     Args:
@@ -58,23 +65,33 @@ def write_lab(rgb, intensities, to_xyz, scale, scratch, planes, first, last):  #
         first: First row of the band.
         last: Row after the band.
     """
+    _write_lab(
+        rgb, intensities, to_xyz, scale, scratch, scratch[3].view(np.int32), planes, planes.view(np.int32), first, last
+    )
+
+
+# Division by zero gives infinity, as in NumPy: a check for it would keep the loops from becoming vector instructions.
+@compiled(error_model="numpy")
+def _write_lab(  # type: ignore[no-untyped-def]
+    rgb, intensities, to_xyz, scale, scratch, bits, planes, guesses, first, last
+):
+    """The loop of `write_lab`; `bits` and `guesses` are the last row of `scratch`, and `planes`, as integers."""
     width = rgb.shape[1]
     red, green, blue, tristimulus = scratch[0], scratch[1], scratch[2], scratch[3]
-    bits = tristimulus.view(np.int32)
     third, toe = np.float32(1 / 3), np.float32(0.008856)
     for row in range(first, last):
+        colors = rgb[row]
         for column in range(width):
-            red[column] = intensities[rgb[row, column, 0]]
-            green[column] = intensities[rgb[row, column, 1]]
-            blue[column] = intensities[rgb[row, column, 2]]
+            red[column] = intensities[colors[column, 0]]
+            green[column] = intensities[colors[column, 1]]
+            blue[column] = intensities[colors[column, 2]]
         for axis in range(3):
             from_red, from_green, from_blue = to_xyz[axis, 0], to_xyz[axis, 1], to_xyz[axis, 2]
             for k in range(width):
                 tristimulus[k] = from_red * red[k] + from_green * green[k] + from_blue * blue[k]
             # The cube root: a third of a float's bits, read as an integer, is a guess within 6 %; one step of Halley's
             # method brings it within 2e-4. In loops of their own, both become vector instructions.
-            roots = planes[axis, row]
-            guess = roots.view(np.int32)
+            roots, guess = planes[axis, row], guesses[axis, row]
             for k in range(width):
                 guess[k] = np.int32(np.float32(bits[k]) * third) + np.int32(0x2A5137A0)
             for k in range(width):
@@ -108,7 +125,7 @@ def write_depth(depth, percentile, scale, histogram, planes):  # type: ignore[no
     for row in range(height):
         for column in range(width):
             meters = depth[row, column]
-            millimeters = int(meters * np.float32(1000) + np.float32(0.5)) if meters < farthest else FARTHEST
+            millimeters = np.int64(meters * np.float32(1000) + np.float32(0.5)) if meters < farthest else FARTHEST
             histogram[millimeters] += 1
             if 0 < meters < nearest:
                 nearest = meters

@@ -16,6 +16,9 @@ from sgbd.superpixels.connect import connected_regions, intersect, merge_fragmen
 # What is known of a group of pieces: its pixels, and the box around them, the last row and column inside.
 PIXELS, TOP, BOTTOM, LEFT, RIGHT = range(5)
 
+PIXELS_A_PIECE, FEW_PIECES = 16, 1024
+"""Room is made for a piece in so many pixels, and for so many pieces at the least; where they are more, for more."""
+
 
 def connected_superpixels(first: npt.NDArray[np.int32], second: npt.NDArray[np.int32], min_size: int) -> LabelMap:
     """Intersect two over-segmentations, connect the result and merge its fragments.
@@ -35,10 +38,14 @@ def connected_superpixels(first: npt.NDArray[np.int32], second: npt.NDArray[np.i
     if not HAS_NUMBA:
         return merge_fragments(connected_regions(intersect(first, second)), min_size)
     pieces = np.empty(first.shape, np.int32)
-    # There are as many pieces as pixels at the most; memory that is never written to costs nothing.
-    parents = np.empty(first.size, np.int64)
-    facts = np.empty((first.size, 5), np.int64)
-    count = _find_pieces(first, second, np.empty((2, 2, first.shape[1] + 1), np.int64), pieces, parents, facts)
+    limit = min(first.size, max(FEW_PIECES, first.size // PIXELS_A_PIECE))
+    runs = np.empty((2, 2, first.shape[1] + 1), np.int64)
+    while True:
+        parents, facts = np.empty(limit, np.int64), np.empty((limit, 5), np.int64)
+        count = _find_pieces(first, second, runs, pieces, parents, facts)
+        if count <= limit:
+            break
+        limit = min(first.size, 4 * limit)
     parents, facts = parents[:count], facts[:count]
     groups = np.empty(count, np.int64)
     while True:
@@ -62,29 +69,30 @@ def _find_pieces(first, second, runs, pieces, parents, facts):  # type: ignore[n
         runs: int64 [2, 2, W + 1] to work in: of two rows by turns, the runs of pixels that are alike, where each ends
             and its piece.
         pieces: int32 [H, W], written.
-        parents: int64 [H W], written.
-        facts: int64 [H W, 5], written.
+        parents: int64 [limit], written.
+        facts: int64 [limit, 5], written.
 
     Returns:
-        The number of pieces.
+        The number of pieces; one above the limit says that they did not fit.
     """
     height, width = first.shape
-    count = np.int64(0)
-    runs_above = 0
+    count, limit = np.int64(0), len(parents)
+    runs_above = np.int64(0)
     for row in range(height):
         ends, numbers = runs[row & 1, 0], runs[row & 1, 1]
         ends_above, numbers_above = runs[1 - (row & 1), 0], runs[1 - (row & 1), 1]
         # Found without a branch: where the next pixel is another.
-        found = 0
+        found = np.int64(0)
+        ones, twos = first[row], second[row]
         for column in range(width - 1):
             ends[found] = column + 1
-            found += (first[row, column] != first[row, column + 1]) | (second[row, column] != second[row, column + 1])
+            found += (ones[column] != ones[column + 1]) | (twos[column] != twos[column + 1])
         ends[found] = width
         found += 1
-        start, above = 0, 0
+        start, above = np.int64(0), np.int64(0)
         for run in range(found):
             end, piece = ends[run], count
-            one, two = first[row, start], second[row, start]
+            one, two = ones[start], twos[start]
             # Join it with what is alike above it; the last run above may go on above the next one, too.
             while above < runs_above:
                 begin = start if above == 0 or ends_above[above - 1] < start else ends_above[above - 1]
@@ -96,16 +104,20 @@ def _find_pieces(first, second, runs, pieces, parents, facts):  # type: ignore[n
                 if last_of_run:
                     break
             if piece == count:
+                if count == limit:
+                    return limit + 1
                 count += 1
                 parents[piece] = piece
                 facts[piece, PIXELS] = 0
                 facts[piece, TOP] = row
-                facts[piece, LEFT] = start
-                facts[piece, RIGHT] = end - 1
-            facts[piece, PIXELS] += end - start
-            facts[piece, BOTTOM] = row
-            facts[piece, LEFT] = min(facts[piece, LEFT], start)
-            facts[piece, RIGHT] = max(facts[piece, RIGHT], end - 1)
+                facts[piece, LEFT] = facts[piece, RIGHT] = start
+            fact = facts[piece]
+            fact[PIXELS] += end - start
+            fact[BOTTOM] = row
+            if start < fact[LEFT]:
+                fact[LEFT] = start
+            if end - 1 > fact[RIGHT]:
+                fact[RIGHT] = end - 1
             for k in range(start, end):
                 pieces[row, k] = piece
             numbers[run] = piece
@@ -121,12 +133,13 @@ def _gather(parents, facts, groups):  # type: ignore[no-untyped-def]
         root = _root(parents, piece)
         groups[piece] = root
         if root != piece and facts[piece, PIXELS] > 0:
-            facts[root, PIXELS] += facts[piece, PIXELS]
-            facts[piece, PIXELS] = 0
-            facts[root, TOP] = min(facts[root, TOP], facts[piece, TOP])
-            facts[root, LEFT] = min(facts[root, LEFT], facts[piece, LEFT])
-            facts[root, BOTTOM] = max(facts[root, BOTTOM], facts[piece, BOTTOM])
-            facts[root, RIGHT] = max(facts[root, RIGHT], facts[piece, RIGHT])
+            fact, whole = facts[piece], facts[root]
+            whole[PIXELS] += fact[PIXELS]
+            fact[PIXELS] = 0
+            for edge in (TOP, LEFT):
+                whole[edge] = fact[edge] if fact[edge] < whole[edge] else whole[edge]
+            for edge in (BOTTOM, RIGHT):
+                whole[edge] = fact[edge] if fact[edge] > whole[edge] else whole[edge]
 
 
 @compiled
@@ -176,7 +189,7 @@ def _merge_round(pieces, groups, facts, fragments, parents, met, border):  # typ
         _join(parents, fragment, best)
 
 
-@compiled
+@compiled(inline="always")
 def _root(parents, piece):  # type: ignore[no-untyped-def]
     while parents[piece] != piece:
         parents[piece] = parents[parents[piece]]

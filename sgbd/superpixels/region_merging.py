@@ -271,7 +271,10 @@ def _judge(sums, region, looks):  # type: ignore[no-untyped-def]
     """Write the mean colour of a region and the squared error of its plane."""
     for k in range(3):
         looks[region, k] = sums[region, 1 + k] / sums[region, 0]
-    looks[region, _ERROR] = plane_fit(sums[region, _DEPTH:_SQUARES], sums[region, _SQUARES])[3] if sums[region, _DEPTH] > 0 else 0.0
+    if sums[region, _DEPTH] > 0:
+        looks[region, _ERROR] = plane_fit(sums[region, _DEPTH:], sums[region, _SQUARES])[3]
+    else:
+        looks[region, _ERROR] = 0.0
 
 
 @compiled(error_model="numpy")

@@ -217,7 +217,7 @@ def _update(values, labels, begin, end, scale, robust, sums, places, forms, firs
         count = total[0]
         if count == 0:
             continue
-        old_row, old_column = places[center]
+        old_row, old_column = places[center, 0], places[center, 1]
         valid = total[_PLANE_SUMS]
         if valid >= ENOUGH:
             level, down, right, _ = plane_fit(total[_PLANE_SUMS:], 0.0)
