@@ -15,6 +15,7 @@ from sgbd.evaluation import Evaluation, score_table
 from sgbd.plot import segmentation_figure
 from sgbd.reliability import reliability_figure
 from sgbd.reporting.panels import GALLERY_FOLDER, write_index, write_panels
+from sgbd.reporting.tables import NAMES
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameSource
 
@@ -43,7 +44,7 @@ def markdown(evaluation: Evaluation) -> str:
     """Return the scores in per cent as a Markdown table, a row for each protocol."""
     table = score_table(evaluation.scores)
     cells = table.map(lambda value: "–" if np.isnan(value) else f"{value:.1f}")
-    cells.columns = [str(name).replace("_", " ") for name in table]
+    cells.columns = [NAMES.get(str(name), str(name)) for name in table]
     return cells.to_markdown(disable_numparse=True, colalign=["left"] + ["right"] * len(table.columns))
 
 
