@@ -21,6 +21,7 @@ from omegaconf import OmegaConf
 from paper import NOT_AT_HAND, PAPER_HM_OVERLAP_F
 from remarks import with_remarks
 
+from sgbd.reporting.runs import dataset_name
 from sgbd.sources.categories import TOD_GROUPS
 from sgbd.sweep import draw, read_jobs, summarize
 
@@ -142,7 +143,7 @@ def page(name: str, jobs: pd.DataFrame, note: str, options: str = "") -> str:
     lines = [
         f"# {name}",
         f"```sh\n{command}\npython experiments/publish.py outputs/sweeps/{name}\n```",
-        f"Dataset `{dataset.get('name', dataset['_target_'])}`: {_training_frames(jobs)} training, "
+        f"Dataset `{dataset_name(dataset)}`: {_training_frames(jobs)} training, "
         f"{dataset.get('val_frames', '?')} validation, {dataset.get('test_frames', '?')} test frames. Per cent"
         + (
             f"; mean ± sample standard deviation over the seeds {', '.join(seeds)}."

@@ -15,7 +15,7 @@ from sgbd.evaluation import Evaluation, score_table
 from sgbd.plot import segmentation_figure
 from sgbd.reliability import reliability_figure
 from sgbd.reporting.panels import GALLERY_FOLDER, write_index, write_panels
-from sgbd.reporting.tables import NAMES
+from sgbd.score_titles import score_title
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameSource
 
@@ -44,7 +44,7 @@ def markdown(evaluation: Evaluation) -> str:
     """Return the scores in per cent as a Markdown table, a row for each protocol."""
     table = score_table(evaluation.scores)
     cells = table.map(lambda value: "–" if np.isnan(value) else f"{value:.1f}")
-    cells.columns = [NAMES.get(str(name), str(name)) for name in table]
+    cells.columns = [score_title(str(name)) for name in table]
     return cells.to_markdown(disable_numparse=True, colalign=["left"] + ["right"] * len(table.columns))
 
 
@@ -83,12 +83,13 @@ def draw_examples(
     for rank, name in enumerate(names):
         frame = source[index[name]]
         row = evaluation.frames.loc[name]
+        segmentation = segmenter.segment_frame(frame)
         title = f"{name}: overlap F {100 * row['overlap_f_measure']:.1f} of the merging alone"
         if "unaided_overlap_f_measure" in row:
             title += f", {100 * row['unaided_overlap_f_measure']:.1f} unaided, as drawn"
         if "oracle_overlap_f_measure" in row:
-            title += f" (best partition of these superpixels {100 * row['oracle_overlap_f_measure']:.1f})"
-        segmentation = segmenter.segment_frame(frame)
+            best = 100 * row["oracle_overlap_f_measure"]
+            title += f" (best partition of these {segmentation.kind_of_nodes} {best:.1f})"
         figure = segmentation_figure(frame, segmentation, title)
         stem = f"{rank + 1}_{name.replace('/', '_')}"
         pictures.append(write_figure(figure, folder / "pictures" / f"{stem}.png"))

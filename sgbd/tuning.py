@@ -17,6 +17,7 @@ from sgbd.calibration import ScoreCalibration, right_segments, segment_features
 from sgbd.checkpoint import instantiate
 from sgbd.partition import Partitioner
 from sgbd.recipe import describe
+from sgbd.score_titles import score_title
 from sgbd.scored_partition import ScoredGraph
 from sgbd.segmentation import ObjectRule, classify
 from sgbd.torch_threads import torch_threads
@@ -176,7 +177,8 @@ class Tuning:
         table = search.table(names)
         log.info(
             "tuned on %d frames, %s mean of %s: %.4f before (%s), %.4f now (%s)",
-            len(classified), search.protocol, ", ".join(SCORES), _mean(before), _told(start), _mean(after), _told(best),
+            len(classified), search.protocol, ", ".join(map(score_title, SCORES)),
+            _mean(before), _told(start), _mean(after), _told(best),
         )  # fmt: skip
         return TuningResult(
             {**partition, **{name: best[name] for name in names if name in PARTITION_PARAMETERS}},

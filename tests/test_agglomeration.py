@@ -210,6 +210,7 @@ def test_a_second_stage_is_one_file_with_its_first(first: Checkpoint, graph: Agg
         cached = paint(unpack(data.label_map, (frame.height, frame.width)), data, said, segments)
         assert (result.instances == cached.instances).all()
         assert (result.superpixels == cached.superpixels).all()
+        assert result.described_nodes == f"{result.superpixels.max() + 1} segments of the first stage"
 
 
 def test_a_graph_without_its_first_stage_says_what_is_missing(graph: AgglomeratedGraph) -> None:

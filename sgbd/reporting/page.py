@@ -26,9 +26,9 @@ from sgbd.reporting.tables import (
     jobs_table,
     overview_table,
     protocol_table,
-    score_name,
     sweep_table,
 )
+from sgbd.score_titles import score_title
 from sgbd.sweep import draw, summarize
 
 HEADLINES = ("hm/overlap_f", "all/overlap_f", "all/boundary_f", "unaided/overlap_f", "oracle/overlap_f")
@@ -142,7 +142,7 @@ def _sweep_figure(sweep: Sweep) -> Any:
 
 
 def _headlines(run: Run) -> Sequence[tuple[str, str]]:
-    return [(score_name(name), f"{100 * run.scores[name]:.1f}") for name in HEADLINES if name in run.scores]
+    return [(score_title(name), f"{100 * run.scores[name]:.1f}") for name in HEADLINES if name in run.scores]
 
 
 def _facts(run: Run) -> list[tuple[str, str]]:
