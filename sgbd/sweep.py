@@ -310,8 +310,8 @@ def _draw_row_by_row(summary: pd.DataFrame, scores: Sequence[str]) -> Figure:
         # Side by side: equal scores would hide each other.
         rows = [row + 0.14 * (place - (len(scores) - 1) / 2) for row in range(len(names))]
         mean, deviation = PER_CENT * summary[score], PER_CENT * summary[f"{score} std"].fillna(0)
-        style = {"marker": "o", "linestyle": "none", "capsize": 3}
-        axes.errorbar(mean, rows, xerr=deviation, label=score_title(score), **style)
+        label = score_title(score)
+        axes.errorbar(mean, rows, xerr=deviation, marker="o", linestyle="none", capsize=3, label=label)
     axes.set_yticks(range(len(names)), labels=names)
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_ylabel(", ".join(overrides))
