@@ -50,7 +50,7 @@ def score_markdown(rows: pd.DataFrame) -> str:
     """Return the scores that people compare, in per cent, as a Markdown table.
 
     Args:
-        rows: As of `score_rows`.
+        rows: As in `score_rows`.
     """
     shown = {score: title for score, title in SHOWN.items() if score in rows}
     cells = (100 * rows[list(shown)]).map(lambda value: "–" if np.isnan(value) else f"{value:.1f}")

@@ -34,7 +34,7 @@ def graph_arrays(
     *,
     store_maps: bool = True,
 ) -> GraphArrays:
-    """Build the superpixel graph of a frame; arguments, fields and errors as of `sgbd.graph.build_graph`."""
+    """Build the superpixel graph of a frame; arguments, fields and errors as for `sgbd.graph.build_graph`."""
     if label_map.shape != frame.depth.shape:
         raise ValueError(
             f"the label map has shape {label_map.shape}, the frame {frame.depth.shape}: over-segment this very frame"

@@ -143,7 +143,7 @@ def stored_fields(path: Path) -> frozenset[str]:
     """Read which fields the graph of a file has, without its tensors.
 
     Raises:
-        GraphFileError: As of `read_summary`.
+        GraphFileError: As in `read_summary`.
     """
     header, _ = _read_header(path)
     try:

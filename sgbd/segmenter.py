@@ -101,7 +101,7 @@ class Segmenter:
         threads: int = 1,
         trust: Sequence[str] = (),
     ) -> Segmenter:
-        """Read a checkpoint; arguments as of the class.
+        """Read a checkpoint; arguments as for the class.
 
         Raises:
             sgbd.checkpoint.CheckpointError: If the file is missing, damaged or no checkpoint.
@@ -128,7 +128,7 @@ class Segmenter:
         threads: int = 1,
         trust: Sequence[str] = (),
     ) -> Segmenter:
-        """Read the model that is installed with the package; arguments as of the class.
+        """Read the model that is installed with the package; arguments as for the class.
 
         Raises:
             sgbd.checkpoint.CheckpointError: If the package was installed without it.

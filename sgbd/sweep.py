@@ -59,7 +59,7 @@ class SweepTable(Callback):
     to a subfolder `earlier-<n>`.
 
     Args:
-        columns: Patterns (as of file names) of the scores that the Markdown table shows, in this order. The CSV file
+        columns: Patterns (as for file names) of the scores that the Markdown table shows, in this order. The CSV file
             holds all scores.
         plot: Names of the scores that are drawn.
         seed: The override whose repetitions are averaged.

@@ -41,7 +41,7 @@ def configured_checkpoint(config: DictConfig, n: int | None = None) -> Checkpoin
 
 
 def configured_segmenter(config: DictConfig, n: int | None = None) -> Segmenter:
-    """Return what segments frames with the checkpoint that a configuration means; arguments and errors as of
+    """Return what segments frames with the checkpoint that a configuration means; arguments and errors as for
     `configured_checkpoint`.
     """
     checkpoint = configured_checkpoint(config, n)

@@ -166,7 +166,7 @@ def _places(objects: NDArray[np.int64], found: ContourMap, name: str) -> NDArray
 def boundary_scores(
     prediction: ArrayLike | ContourMap, truth: ArrayLike | ContourMap, matching: Matching
 ) -> BoundaryScores:
-    """Boundary precision, recall and F-measure of one frame; arguments as of `match_contours`."""
+    """Boundary precision, recall and F-measure of one frame; arguments as for `match_contours`."""
     match = match_contours(prediction, truth, matching)
     return BoundaryScores(
         *precision_recall_f(

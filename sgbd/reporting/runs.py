@@ -29,7 +29,7 @@ class Run:
     Attributes:
         label: Its name in the report, unique there.
         folder: Where it lies.
-        scores: As of `sgbd.evaluation.Evaluation`; empty if nothing was scored.
+        scores: As in `sgbd.evaluation.Evaluation`; empty if nothing was scored.
         frames: A row each frame, indexed by name; may be empty.
         categories: A row each category, indexed by name; may be empty.
         history: A row each epoch; empty for an evaluation.

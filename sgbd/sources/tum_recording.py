@@ -136,7 +136,7 @@ or associations.txt with timestamp filename timestamp filename instead of the tw
             pairs = _read_associations(associated)
             if not pairs:
                 raise FrameReadError(associated, "no image is listed in it")
-            info_once(log, "%s: a recording as of TUM RGB-D, %d frames in %s", self.root, len(pairs), associated.name)
+            info_once(log, "%s: a TUM RGB-D recording, %d frames in %s", self.root, len(pairs), associated.name)
             return pairs
         for path in lists:
             if not path.is_file():
@@ -158,7 +158,7 @@ or associations.txt with timestamp filename timestamp filename instead of the tw
             )
         info_once(
             log,
-            "%s: a recording as of TUM RGB-D (rgb.txt, depth.txt); %d frames of colour and depth at most %g ms apart; "
+            "%s: a TUM RGB-D recording (rgb.txt, depth.txt); %d frames of colour and depth at most %g ms apart; "
             "%d of %d colour and %d of %d depth images have no partner and are left out (option: time_tolerance)",
             self.root, chosen.size, self.tolerance * 1000,
             len(colors) - chosen.size, len(colors), len(depths) - chosen.size, len(depths),
