@@ -146,14 +146,7 @@ class Tuning:
         Raises:
             ValueError: If there are no graphs, or one has no truth.
         """
-        classified = []
-        with torch_threads(1):
-            for data in graphs:
-                if "overlap_count" not in data:
-                    raise ValueError(f"frame {data.name!r} has no ground truth: thresholds cannot be chosen on it")
-                classified.append(ScoredGraph(data, classify(model, objectness, data)))
-        if not classified:
-            raise ValueError("there are no validation graphs to tune on; give the dataset some, or use tuning=none")
+        classified = _classified(graphs, model, objectness)
 
         def partitioner(setting: Mapping[str, Any]) -> Partitioner:
             chosen = {name: value for name, value in setting.items() if name in PARTITION_PARAMETERS}
@@ -208,6 +201,19 @@ class Tuning:
         finalists = search.best(self.finalists)
         # The start comes first: another setting wins only if it is better.
         return search.final([start, *(setting for setting in finalists if setting != start)])
+
+
+def _classified(graphs: Iterable[Data], model: nn.Module, objectness: nn.Module | None) -> list[ScoredGraph]:
+    """Run the networks on every graph, once; all need truth."""
+    classified = []
+    with torch_threads(1):
+        for data in graphs:
+            if "overlap_count" not in data:
+                raise ValueError(f"frame {data.name!r} has no ground truth: thresholds cannot be chosen on it")
+            classified.append(ScoredGraph(data, classify(model, objectness, data)))
+    if not classified:
+        raise ValueError("there are no validation graphs to tune on; give the dataset some, or use tuning=none")
+    return classified
 
 
 class _Search:
