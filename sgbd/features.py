@@ -6,6 +6,7 @@ Every column is computed and stored; an ablation selects columns of the same mat
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from itertools import accumulate
 
 import numpy as np
 import numpy.typing as npt
@@ -77,6 +78,15 @@ EDGE_GROUPS: Mapping[str, tuple[str, ...]] = {
 
 NODE_NAMES: tuple[str, ...] = tuple(name for names in NODE_GROUPS.values() for name in names)
 EDGE_NAMES: tuple[str, ...] = tuple(name for names in EDGE_GROUPS.values() for name in names)
+
+# First column of each group in the matrix of the nodes, in the order of `NODE_GROUPS`, and their number.
+AT_RGB, AT_POSITION, AT_DEPTH, AT_NORMAL, AT_XYZ, AT_MEAN_NORMAL, AT_COLOR_SPREAD, AT_SHAPE, NODE_WIDTH = accumulate(
+    map(len, NODE_GROUPS.values()), initial=0
+)
+# The same of the edges, in the order of `EDGE_GROUPS`.
+AT_BORDER, AT_DEPTH_STEP, AT_GRADIENT, AT_CONVEXITY, AT_DISTANCE, EDGE_WIDTH = accumulate(
+    map(len, EDGE_GROUPS.values()), initial=0
+)
 
 DEPTH_STEP_UNIT = 0.005
 DISTANCE_UNIT = 0.01
@@ -263,30 +273,30 @@ def _node_features(sums, centroids, normals, residuals, depth, focal, depth_rang
         for axis in range(3):
             scene[axis] += centroids[region, axis] * sums[region, PIXELS]
     scene /= sums[:, PIXELS].sum()
-    features = np.empty((count, 21), np.float32)
+    features = np.empty((count, NODE_WIDTH), np.float32)
     for region in range(count):
         pixels = sums[region, PIXELS]
         row, column = sums[region, ROW] / pixels, sums[region, COLUMN] / pixels
-        features[region, 3] = column / width
-        features[region, 4] = row / height
-        features[region, 5] = (centroids[region, 2] - nearest) / max(farthest - nearest, 1e-9)
+        features[region, AT_POSITION] = column / width
+        features[region, AT_POSITION + 1] = row / height
+        features[region, AT_DEPTH] = (centroids[region, 2] - nearest) / max(farthest - nearest, 1e-9)
         r, c = int(np.rint(row)), int(np.rint(column))
         x = -_slope(depth, r, c, 0, 1, focal[0])
         y = -_slope(depth, r, c, 1, 0, focal[1])
         length = np.sqrt(x * x + y * y + 1)
-        features[region, 6] = x / length
-        features[region, 7] = y / length
-        features[region, 8] = 1 / length
+        features[region, AT_NORMAL] = x / length
+        features[region, AT_NORMAL + 1] = y / length
+        features[region, AT_NORMAL + 2] = 1 / length
         for k in range(3):
             color = sums[region, RGB + k] / pixels
             variance = sums[region, RGB_SQUARED + k] / pixels - color * color
-            features[region, k] = color / 255
-            features[region, 9 + k] = centroids[region, k] - scene[k]
-            features[region, 12 + k] = normals[region, k]
-            features[region, 15 + k] = np.sqrt(max(variance, 0.0)) / 255
-        features[region, 18] = np.log(pixels / (height * width))
-        features[region, 19] = 1 - sums[region, VALID] / pixels
-        features[region, 20] = np.log1p(residuals[region] * 1000)
+            features[region, AT_RGB + k] = color / 255
+            features[region, AT_XYZ + k] = centroids[region, k] - scene[k]
+            features[region, AT_MEAN_NORMAL + k] = normals[region, k]
+            features[region, AT_COLOR_SPREAD + k] = np.sqrt(max(variance, 0.0)) / 255
+        features[region, AT_SHAPE] = np.log(pixels / (height * width))
+        features[region, AT_SHAPE + 1] = 1 - sums[region, VALID] / pixels
+        features[region, AT_SHAPE + 2] = np.log1p(residuals[region] * 1000)
     return features
 
 
@@ -327,7 +337,7 @@ def edge_features(
 def _edge_features(pairs, borders, sums, centroids, normals):  # type: ignore[no-untyped-def]
     """Fill in the columns in the order of `EDGE_GROUPS`."""
     count = pairs.shape[1]
-    forward, backward = np.empty((count, 11), np.float32), np.empty((count, 11), np.float32)
+    forward, backward = np.empty((count, EDGE_WIDTH), np.float32), np.empty((count, EDGE_WIDTH), np.float32)
     for edge in range(count):
         i, j = pairs[0, edge], pairs[1, edge]
         length, known = borders[edge, PAIRS], borders[edge, VALID_PAIRS]
@@ -342,21 +352,22 @@ def _edge_features(pairs, borders, sums, centroids, normals):  # type: ignore[no
             color = (sums[i, RGB + axis] / sums[i, PIXELS] - sums[j, RGB + axis] / sums[j, PIXELS]) / 255
             color_distance += color * color
         distance = np.sqrt(distance)
-        forward[edge, 0] = np.log1p(length)
-        forward[edge, 1] = np.log1p(borders[edge, DEPTH_STEP] / max(known, 1.0) / DEPTH_STEP_UNIT)
-        forward[edge, 2] = np.log1p(borders[edge, DEPTH_STEP_MIN] / DEPTH_STEP_UNIT)
-        forward[edge, 3] = 1 - known / max(length, 1.0)
-        forward[edge, 4] = borders[edge, COLOR_STEP] / max(length, 1.0) / 255
-        forward[edge, 5] = bend / max(distance, 1e-9)
-        forward[edge, 6] = agreement
-        forward[edge, 7] = _signed_log(above_i / DISTANCE_UNIT)
-        forward[edge, 8] = _signed_log(above_j / DISTANCE_UNIT)
-        forward[edge, 9] = np.log1p(distance / DISTANCE_UNIT)
-        forward[edge, 10] = np.sqrt(color_distance)
-        for column in range(11):
+        forward[edge, AT_BORDER] = np.log1p(length)
+        forward[edge, AT_DEPTH_STEP] = np.log1p(borders[edge, DEPTH_STEP] / max(known, 1.0) / DEPTH_STEP_UNIT)
+        forward[edge, AT_DEPTH_STEP + 1] = np.log1p(borders[edge, DEPTH_STEP_MIN] / DEPTH_STEP_UNIT)
+        forward[edge, AT_DEPTH_STEP + 2] = 1 - known / max(length, 1.0)
+        forward[edge, AT_GRADIENT] = borders[edge, COLOR_STEP] / max(length, 1.0) / 255
+        forward[edge, AT_CONVEXITY] = bend / max(distance, 1e-9)
+        forward[edge, AT_CONVEXITY + 1] = agreement
+        forward[edge, AT_CONVEXITY + 2] = _signed_log(above_i / DISTANCE_UNIT)
+        forward[edge, AT_CONVEXITY + 3] = _signed_log(above_j / DISTANCE_UNIT)
+        forward[edge, AT_DISTANCE] = np.log1p(distance / DISTANCE_UNIT)
+        forward[edge, AT_DISTANCE + 1] = np.sqrt(color_distance)
+        for column in range(EDGE_WIDTH):
             backward[edge, column] = forward[edge, column]
         # Seen from the other end, the planes change places.
-        backward[edge, 7], backward[edge, 8] = forward[edge, 8], forward[edge, 7]
+        there, back = AT_CONVEXITY + 2, AT_CONVEXITY + 3
+        backward[edge, there], backward[edge, back] = forward[edge, back], forward[edge, there]
     return forward, backward
 
 
