@@ -173,7 +173,7 @@ class Benchmark:
         n, progress = self.numbers[0], self.config.progress
         source = self._files(self.extent.prepare_frames)
         chosen = configured_segmenter(self.config, n)
-        counts = sorted({0, self._workers()})
+        counts = sorted({0, int(self.config.workers)})
         rows, cache = measure_preparation(source, chosen, counts, self._folder("caches"), progress)
         self._cache = source, cache
         # A few frames tell enough, and take as long as all of ours.
@@ -181,7 +181,7 @@ class Benchmark:
         other = with_option(self.config, SCIKIT_IMAGE_SUPERPIXELS)
         chosen = configured_segmenter(other, n)
         rows += measure_preparation(few, chosen, [0], self._folder("caches"), progress)[0]
-        self.report.add("prepare", f"PNG files to cached graphs, {self.size}, n={self.numbers[0]}", rows)
+        self.report.add("prepare", f"PNG files to cached graphs, {self.size}, n={n}", rows)
 
     def curve(self) -> None:
         """Time whole frames of growing size and with growing n, and the preparation of ever more frames."""
@@ -280,9 +280,6 @@ class Benchmark:
             chosen = configured_segmenter(self.config, self.numbers[0])
             self._cache = source, prepare_frames(source, chosen, 0, self._folder("caches"), self.config.progress)
         return self._cache
-
-    def _workers(self) -> int:
-        return int(self.config.workers)
 
     def _on_frames(self, method: Method) -> Callable[[int], Any]:
         return lambda number: method(self._raw(number))
