@@ -50,10 +50,10 @@ def segmentation_figure(frame: Frame, segmentation: Segmentation, title: str = "
         ScalarMappable(Normalize(0, 1), "RdYlGn"), ax=panels[3], label="merge probability", fraction=0.04, pad=0.01
     )
     panels[4].imshow(overlay(frame.rgb, segmentation.instances))
-    panels[4].set_title(f"prediction: {len(segmentation.scores)} objects")
+    panels[4].set_title(f"predicted objects: {len(segmentation.scores)}")
     if frame.instances is not None:
         panels[5].imshow(overlay(frame.rgb, frame.instances, first=SUPPORT + 1))
-        panels[5].set_title(f"truth: {len(np.unique(frame.instances[frame.instances > SUPPORT]))} objects")
+        panels[5].set_title(f"true objects: {len(np.unique(frame.instances[frame.instances > SUPPORT]))}")
     for panel in panels:
         panel.set_axis_off()
     figure.suptitle(title or frame.name)
@@ -114,7 +114,7 @@ def frames_figure(rows: Sequence[tuple[str, Frame, Segmentation]]) -> Figure:
         draw_edges(panels[2], frame, segmentation, width=0.7)
         panels[2].set_title("merge probability: red 0, green 1", fontsize=8)
         panels[3].imshow(overlay(frame.rgb, segmentation.instances))
-        panels[3].set_title(f"prediction: {len(segmentation.scores)} objects", fontsize=8)
+        panels[3].set_title(f"predicted objects: {len(segmentation.scores)}", fontsize=8)
         _draw_truth(panels[4], frame)
     return figure
 
@@ -181,7 +181,7 @@ def _grid(frame: Frame, rows: int, columns: int, width: float = 3.0) -> tuple[Fi
 def _draw_truth(panel: Axes, frame: Frame) -> None:
     if frame.instances is not None:
         panel.imshow(overlay(frame.rgb, frame.instances, first=SUPPORT + 1))
-        panel.set_title(f"truth: {len(np.unique(frame.instances[frame.instances > SUPPORT]))} objects", fontsize=8)
+        panel.set_title(f"true objects: {len(np.unique(frame.instances[frame.instances > SUPPORT]))}", fontsize=8)
 
 
 def _renumbered(label_map: npt.NDArray) -> npt.NDArray[np.int32]:
