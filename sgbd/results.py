@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from tqdm import tqdm
 
 from sgbd.atomic_file import write_whole
 from sgbd.evaluation import Evaluation, score_table
@@ -80,7 +81,7 @@ def draw_examples(
     """
     index = {name: place for place, name in enumerate(source.names)}
     pictures, shown = [], []
-    for rank, name in enumerate(names):
+    for rank, name in enumerate(tqdm(names, "drawing", unit="frame")):
         frame = source[index[name]]
         row = evaluation.frames.loc[name]
         segmentation = segmenter.segment_frame(frame)
