@@ -21,6 +21,7 @@ from omegaconf import OmegaConf
 from paper import NOT_AT_HAND, PAPER_HM_OVERLAP_F
 from remarks import with_remarks
 
+from sgbd.reporting.runs import dataset_name
 from sgbd.sources.categories import TOD_GROUPS
 from sgbd.sweep import draw, read_jobs, summarize
 
@@ -48,7 +49,7 @@ def joined_jobs(folders: Sequence[Path]) -> pd.DataFrame:
         folders: Their folders; a row in a later one takes the place of that with the same overrides in an earlier one.
 
     Returns:
-        As of `sgbd.sweep.read_jobs`, and the path of each job in the column `path`.
+        What `sgbd.sweep.read_jobs` gives, and the path of each job in the column `path`.
 
     Raises:
         SystemExit: If a sweep has not come to its end, or varied something else than the others.
@@ -84,7 +85,7 @@ def with_equal_categories(jobs: pd.DataFrame, groups: bool) -> list[str]:
     """Add what can be compared between jobs that saw different categories: means over the same ones.
 
     Args:
-        jobs: As of `joined_jobs`; gains the scores `every category/overlap_f` and, where there is such a category,
+        jobs: As in `joined_jobs`; gains the scores `every category/overlap_f` and, where there is such a category,
             `never seen/overlap_f`.
         groups: Whether to add the mean over each of TOD-Z's four groups, as `<group>/overlap_f`.
 
@@ -106,7 +107,7 @@ def page(name: str, jobs: pd.DataFrame, note: str, options: str = "") -> str:
 
     Args:
         name: Of the experiment.
-        jobs: As of `joined_jobs`.
+        jobs: As in `joined_jobs`.
         note: A sentence on the circumstances.
         options: What the command had beside the experiment and the seeds.
     """
@@ -142,7 +143,7 @@ def page(name: str, jobs: pd.DataFrame, note: str, options: str = "") -> str:
     lines = [
         f"# {name}",
         f"```sh\n{command}\npython experiments/publish.py outputs/sweeps/{name}\n```",
-        f"Dataset `{dataset.get('name', dataset['_target_'])}`: {_training_frames(jobs)} training, "
+        f"Dataset `{dataset_name(dataset)}`: {_training_frames(jobs)} training, "
         f"{dataset.get('val_frames', '?')} validation, {dataset.get('test_frames', '?')} test frames. Per cent"
         + (
             f"; mean ± sample standard deviation over the seeds {', '.join(seeds)}."

@@ -24,7 +24,8 @@ from omegaconf import DictConfig, OmegaConf
 from paper import PAPER_COST, PAPER_SCORES
 from remarks import with_remarks
 
-from sgbd.comparison import SHOWN
+from sgbd.comparison_results import SHOWN
+from sgbd.reporting.runs import dataset_name
 
 HERE = Path(__file__).resolve().parent
 ON_TOD_Z = ("comparison",)
@@ -129,13 +130,12 @@ def page(folders: Sequence[Path], name: str, command: str, note: str) -> str:
         note: A sentence on the circumstances.
     """
     config = same_frames(folders)
-    dataset = config.dataset
     times = " ".join([f"outputs/{config.name}/<time>"] * len(folders))
     made = times + ("" if name == config.name else f" --name {name}")
     lines = [
         f"# {name}",
         f'```sh\n{command}\npython experiments/publish_comparison.py {made} --command "…"\n```',
-        f"Dataset `{dataset.get('name', dataset['_target_'].rpartition('.')[2])}`.",
+        f"Dataset `{dataset_name(config.dataset)}`.",
         note,
     ]
     rows, lost = joined(folders, "comparison.csv"), joined(folders, "failures.csv")

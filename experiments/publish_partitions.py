@@ -70,7 +70,7 @@ def page(evaluations: pd.DataFrame, command: str, note: str) -> str:
     """Return the page.
 
     Args:
-        evaluations: As of `read`.
+        evaluations: As in `read`.
         command: What made them.
         note: A sentence on the circumstances.
     """

@@ -82,6 +82,14 @@ def composed(overrides: list[str]) -> Any:
         return compose("prepare", overrides)
 
 
+def in_one_thread(overrides: list[str]) -> Superpixels:
+    """Make the configured superpixels, to work in one thread if they have a choice."""
+    superpixels: Superpixels = instantiate(composed(overrides).superpixels)
+    if hasattr(superpixels, "threads"):
+        superpixels.threads = 1
+    return superpixels
+
+
 def main() -> None:
     """Print the table."""
     options = {"frames": "0", "methods": ""}
@@ -98,12 +106,7 @@ def main() -> None:
     source = instantiate(config.dataset, split="test")
     count = min(int(options["frames"]) or len(source), len(source))
     chosen = np.linspace(0, len(source) - 1, count).round().astype(int)
-    made = {
-        str(name): instantiate(composed([*overrides, *str(given).split(), "++superpixels.threads=1"]).superpixels)
-        if "slic_reference" not in str(given)
-        else instantiate(composed([*overrides, *str(given).split()]).superpixels)
-        for name, given in methods.items()
-    }
+    made = {str(name): in_one_thread([*overrides, *str(given).split()]) for name, given in methods.items()}
     rows = []
     for place, index in enumerate(chosen):
         frame = source[int(index)]

@@ -1,4 +1,28 @@
-"""Zero-shot instance segmentation of cluttered RGB-D scenes on superpixel graphs."""
+"""Zero-shot instance segmentation of cluttered RGB-D scenes on superpixel graphs.
+
+What is where:
+
+- Frames: `frame`, their readers and the synthetic dataset in `sources`, `frame_augmentation`.
+- A frame's graph: `superpixels`, `adjacency`, `regions` (one pass over the pixels), `features`, `graph_arrays` (NumPy),
+  `graph` (PyG). A second stage's graph: `agglomeration`, `own_columns`. Further node features: `node_block`, `dino`.
+- Graphs on disk: `preparation` makes them, each in a `graph_file` with its `label_map` packed, in a folder called by
+  their `recipe`; `node_block_cache` keeps further columns beside them; `data` is the PyG dataset that reads them.
+- Networks: `models`, the tensors that they read without PyG (`graph_tensors`), and a `checkpoint` of both stages.
+- Training: `batches`, `augmentation`, `sampling`, `losses`, and the loop in `training`.
+- From classified edges to objects: `partition`, `segmentation`, `repaint`, `calibration` of the scores; all steps from
+  a frame on in `segmenter`, from files to files in `prediction`.
+- Scores: `majority`, `metrics`, `evaluation` of graphs, `label_map_evaluation` of other methods and of `label_images`,
+  `failures` by kind; `scored_partition` and `tuning` choose thresholds.
+- For people: `score_titles`, `overlay`, `plot`, `reliability`, `results` (an evaluation's files), `reporting` (a page).
+- Runs as configured: `configuration`, hints at mistyped arguments (`misspelled_keys`, `unreadable_arguments`),
+  `pipeline` (frames and graphs), `untrained` (the model), `experiment` (from frames to scores), `job` (once in its
+  folder), `sweep` (many jobs and their table).
+- Comparisons: `baselines`, `comparison`, `comparison_results`; `benchmarking` of speed and memory; `onnx_export`.
+- The machine: `compiled`, `processors`, `side_by_side` and `one_ahead` (threads), `torch_threads`, `reused_memory`,
+  `workers` (processes), `one_process_at_a_time`, `atomic_file`, `availability`.
+- Commands, each run with ``python -m``: `prepare`, `train`, `tune`, `evaluate`, `predict`, `compare`, `report`,
+  `export`, `feature_importance`, `benchmark`, `split`, `semantic_masks`.
+"""
 
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version

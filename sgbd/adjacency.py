@@ -33,7 +33,7 @@ def border_lengths(label_map: LabelMap) -> tuple[Pairs, npt.NDArray[np.int64]]:
         label_map: int32 [H, W], ids 0..N-1.
 
     Returns:
-        Pairs int64 [2, E] as of `border_pairs`, and the border's length int64 [E]: the number of pixel pairs, side by
+        Pairs int64 [2, E] as in `border_pairs`, and the border's length int64 [E]: the number of pixel pairs, side by
         side or one above the other, that lie on both sides of it.
     """
     count = int(label_map.max(initial=-1)) + 1

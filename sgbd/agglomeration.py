@@ -22,12 +22,13 @@ import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap, Pairs
 from sgbd.checkpoint import Checkpoint, CheckpointError
-from sgbd.compiled import compiled
+from sgbd.compiled import HAS_NUMBA, compiled
 from sgbd.features import NODE_NAMES
 from sgbd.frame import Frame
 from sgbd.graph import as_data
 from sgbd.graph_arrays import GraphArrays, graph_arrays
 from sgbd.partition import GreedyMulticut
+from sgbd.regions import Regions, region_and_border_sums
 from sgbd.repaint import repaint
 from sgbd.segmentation import Classification, classify
 from sgbd.segmenter import Segmenter
@@ -200,12 +201,13 @@ class AgglomeratedGraph:
         keys = np.concatenate([(ends[0] * count + ends[1])[ends[0] != ends[1]], i[near] * count + j[near]])
         joined = np.stack(np.divmod(np.unique(keys), count))
 
-        graph = graph_arrays(frame, coarse_map, lambda _: joined, category_names, store_maps=store_maps)
+        sums = region_and_border_sums(frame, coarse_map)
+        graph = graph_arrays(frame, coarse_map, lambda _: joined, category_names, store_maps=store_maps, sums=sums)
         x, edge_attr, wanted = (np.asarray(graph[field]) for field in ("x", "edge_attr", "edge_label_index"))
         forth = np.concatenate(
             [
                 evidence(wanted, (pairs, length, segment), said, pixels),
-                sight(frame, coarse_map, x, wanted),
+                sight(frame, coarse_map, x, wanted, sums[0]),
                 continuation(samples, wanted),
             ],
             axis=1,
@@ -235,7 +237,7 @@ class Samples:
     def __init__(self, frame: Frame, label_map: LabelMap, count: int) -> None:
         camera = np.array([frame.camera.fx, frame.camera.fy, frame.camera.cx, frame.camera.cy])
         sums, histogram = np.zeros((count, _SUMS)), np.zeros((count, BINS**3), np.int64)
-        _sample(label_map, frame.depth, frame.rgb, camera, sums, histogram)
+        (_sample if HAS_NUMBA else sample_numpy)(label_map, frame.depth, frame.rgb, camera, sums, histogram)
         pixels = np.maximum(sums[:, :1], 1)
         mean = sums[:, 1:6] / pixels
         self.center = mean[:, :2].copy()
@@ -285,18 +287,36 @@ def _sample(label_map, depth, rgb, camera, sums, histogram):  # type: ignore[no-
             histogram[segment, color] += 1
 
 
-@compiled
-def _depth_range(depth):  # type: ignore[no-untyped-def]
-    """Smallest and largest depth of a frame, and 1 and 1 if all is missing."""
-    nearest, farthest = np.float32(np.inf), np.float32(0)
-    for row in range(depth.shape[0]):
-        for column in range(depth.shape[1]):
-            z = depth[row, column]
-            if z > farthest:
-                farthest = z
-            if 0 < z < nearest:
-                nearest = z
-    return (np.float64(nearest), np.float64(farthest)) if farthest > 0 else (1.0, 1.0)
+def sample_numpy(
+    label_map: LabelMap,
+    depth: npt.NDArray[np.float32],
+    rgb: npt.NDArray[np.uint8],
+    camera: Floats,
+    sums: Floats,
+    histogram: npt.NDArray[np.int64],
+) -> None:
+    """Sum up what `_sample` does, one column after the other, where there is no Numba."""
+    fx, fy, cx, cy = camera
+    every = np.s_[STRIDE // 2 :: STRIDE, STRIDE // 2 :: STRIDE]
+    segment, z = label_map[every].ravel(), depth[every].ravel().astype(np.float64)
+    rows, columns = np.indices(label_map.shape)[:, every[0], every[1]].reshape(2, -1)
+    weights = (
+        np.ones(len(z)),
+        columns,
+        rows,
+        columns * columns,
+        columns * rows,
+        rows * rows,
+        z > 0,
+        (columns - cx) / fx * z,
+        (rows - cy) / fy * z,
+        z,
+    )
+    for place, weight in enumerate(weights):
+        sums[:, place] = np.bincount(segment, weight, len(sums))
+    red, green, blue = (rgb[every].reshape(-1, 3).astype(np.int64) * BINS // 256).T
+    place_in_histogram = ((segment.astype(np.int64) * BINS + red) * BINS + green) * BINS + blue
+    histogram[...] = np.bincount(place_in_histogram, minlength=histogram.size).reshape(histogram.shape)
 
 
 def evidence(
@@ -343,7 +363,7 @@ def evidence(
     )
 
 
-def sight(frame: Frame, label_map: LabelMap, x: npt.NDArray[np.float32], pairs: Pairs) -> Floats:
+def sight(frame: Frame, label_map: LabelMap, x: npt.NDArray[np.float32], pairs: Pairs, regions: Regions) -> Floats:
     """Look along the lines between the centroids of pairs of segments.
 
     Args:
@@ -351,13 +371,14 @@ def sight(frame: Frame, label_map: LabelMap, x: npt.NDArray[np.float32], pairs: 
         label_map: int32 [H, W], its segments.
         x: float32 [S, F], their features as of `sgbd.features`.
         pairs: int64 [2, E].
+        regions: Sums over the segments, which know the range of the frame's depth.
 
     Returns:
         float64 [E, 4]: shares of the points between the two that belong to them, have no depth, are nearer, and are
         farther than the line; a plane between them has none of the last two.
     """
     place = x[:, [NODE_NAMES.index(name) for name in ("centroid_x", "centroid_y", "depth")]].astype(np.float64)
-    near, far = _depth_range(frame.depth)
+    near, far = (regions.nearest, regions.farthest) if regions.farthest > 0 else (1.0, 1.0)
     depth = np.maximum(near + place[:, 2] * (far - near), 1e-3)
     column, row = place[:, 0] * frame.width, place[:, 1] * frame.height
     step = (np.arange(1, SIGHT_POINTS) / SIGHT_POINTS)[None]

@@ -86,8 +86,12 @@ def entry_point(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Cal
     """
 
     def decorate(task: Callable[[DictConfig], Any]) -> Callable[[], None]:
+        begun = False
+
         @functools.wraps(task)
         def guarded(config: DictConfig) -> Any:
+            nonlocal begun
+            begun = True
             try:
                 return task(config)
             except KeyboardInterrupt:
@@ -108,8 +112,8 @@ def entry_point(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Cal
             except KeyboardInterrupt:
                 sys.exit(INTERRUPTED)
             except SystemExit as end:
-                # Before the job began: Hydra has refused an argument, and advises to add what may be misspelt.
-                if end.code and not HydraConfig.initialized():
+                # Hydra has refused an argument, and advises to add what may be misspelt.
+                if end.code and not begun:
                     arguments = sys.argv[1:]
                     for advice in spellings(arguments) or suggestions(config_folder(), config_name, arguments):
                         print(advice, file=sys.stderr)

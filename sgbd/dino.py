@@ -152,7 +152,7 @@ class DinoAttention(NodeBlock):
         }
 
     def cache_key(self) -> dict[str, Any]:
-        """As of `NodeBlock`: equal weights give equal columns, wherever they were found."""
+        """As in `NodeBlock`: equal weights give equal columns, wherever they were found."""
         return {key: value for key, value in super().cache_key().items() if key != "weights"}
 
     def planes(self, images: Sequence[npt.NDArray[np.uint8]]) -> list[Planes]:

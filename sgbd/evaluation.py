@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 from torch import nn
 from tqdm import tqdm
@@ -37,6 +38,7 @@ from sgbd.metrics import (
 from sgbd.partition import Partitioner
 from sgbd.repaint import repaint
 from sgbd.segmentation import ObjectRule, Segments, classify, partition_graph
+from sgbd.side_by_side import side_by_side, thread_count
 from sgbd.torch_threads import torch_threads
 
 if TYPE_CHECKING:
@@ -103,19 +105,27 @@ class Evaluation:
     objects: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=["frame", "score", "right"]))
 
 
+@dataclass(frozen=True, eq=False)
+class JudgedObjects:
+    """Scores of the model's own objects of one frame, float32 [K], and whether each is right, bool [K]."""
+
+    score: npt.NDArray[np.float32]
+    right: npt.NDArray[np.bool_]
+
+
 @dataclass(frozen=True)
 class GraphScores:
     """Scores of one partitioned graph, by protocol; see `Evaluation`.
 
     `unaided` is None if the method does not say what an object is, `oracle_by_category` if there are no superpixels,
-    `objects` (as of `Evaluation`) if it does not say how sure it is of an object.
+    `objects` if it does not say how sure it is of an object.
     """
 
     all: FrameScores
     unaided: FrameScores | None
     by_category: CategoryScores
     oracle_by_category: CategoryScores | None
-    objects: pd.DataFrame | None = None
+    objects: JudgedObjects | None = None
 
 
 class Evaluator:
@@ -213,11 +223,16 @@ class Evaluator:
         if self.boundaries:
             size = tuple(data.image_size[0].tolist())
             label_map, instances = unpack(data.label_map, size), unpack(data.truth_map, size)
-            truth = contours(instances, table.instances[table.instances >= FIRST_OBJECT])
             judged = np.union1d(objects_by_contact(table), np.nonzero(segments.is_object)[0])
-            prediction = contours(repaint(label_map, segments.segment), judged, instances)
-            judged = np.union1d(objects_by_contact(oracle), objects_by_label(oracle))
-            oracle_prediction = contours(repaint(label_map, best), judged, instances)
+            oracle_judged = np.union1d(objects_by_contact(oracle), objects_by_label(oracle))
+            truth, prediction, oracle_prediction = side_by_side(
+                [
+                    lambda: contours(instances, table.instances[table.instances >= FIRST_OBJECT]),
+                    lambda: contours(repaint(label_map, segments.segment), judged, instances),
+                    lambda: contours(repaint(label_map, best), oracle_judged, instances),
+                ],
+                thread_count(),
+            )
         pairs = data.edge_label_index.numpy()
         merged = segments.segment[pairs[0]] == segments.segment[pairs[1]]
         names = list(category_names)
@@ -246,15 +261,15 @@ class Evaluator:
             ),
             by_category=category_scores(table, category, prediction, truth),
             oracle_by_category=category_scores(oracle, category, oracle_prediction, truth),
-            objects=_judged_objects(data.name, table, segments) if unaided else None,
+            objects=_judged_objects(table, segments) if unaided else None,
         )
 
 
-def _judged_objects(name: str, table: ContingencyTable, segments: Segments) -> pd.DataFrame:
+def _judged_objects(table: ContingencyTable, segments: Segments) -> JudgedObjects:
     """Say of each object of a frame whether it is right; of one without a pixel of known truth nobody can."""
-    judged = np.intersect1d(np.nonzero(segments.is_object)[0], table.segments)
+    judged = table.segments[segments.is_object[table.segments]]
     right = right_segments(table, len(segments.area))
-    return pd.DataFrame({"frame": name, "score": segments.score[judged], "right": right[judged]})
+    return JudgedObjects(segments.score[judged], right[judged])
 
 
 def mean_scores(scored: Sequence[GraphScores], seen: Collection[str]) -> Evaluation:
@@ -295,11 +310,14 @@ def mean_scores(scored: Sequence[GraphScores], seen: Collection[str]) -> Evaluat
     categories = category_table([frame.by_category for frame in scored])
     if seen:
         categories["seen"] = [name in seen for name in categories.index]
-    judged = [frame.objects for frame in scored if frame.objects is not None]
-    if not any(map(len, judged)):
+    judged = [(frame.all.name, frame.objects) for frame in scored if frame.objects is not None]
+    if not any(len(found.score) for _, found in judged):
         return Evaluation(scores, frames, categories)
-    objects = pd.concat(judged, ignore_index=True)
-    score, right = objects["score"].to_numpy(np.float64), objects["right"].to_numpy(np.bool_)
+    names = np.repeat([name for name, _ in judged], [len(found.score) for _, found in judged])
+    score = np.concatenate([found.score for _, found in judged])
+    right = np.concatenate([found.right for _, found in judged])
+    objects = pd.DataFrame({"frame": names, "score": score, "right": right})
+    score = score.astype(np.float64)
     scores["calibration/expected_error"] = expected_calibration_error(score, right)
     scores["calibration/brier"] = float(np.mean((score - right) ** 2))
     scores["calibration/mean_score"] = float(score.mean())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -21,8 +21,7 @@ from sgbd.evaluation import Evaluation, Evaluator, with_truth
 from sgbd.features import edge_columns, node_columns
 from sgbd.models import EdgeClassifier, ObjectnessHead
 from sgbd.node_block import split_groups
-from sgbd.node_block_cache import node_block_folder
-from sgbd.pipeline import frame_source, prepare_splits, splits_of
+from sgbd.pipeline import frame_source, open_graphs, prepare_splits, splits_of
 from sgbd.plot import history_figure
 from sgbd.results import draw_examples, example_frames, write_evaluation, write_figure
 from sgbd.segmenter import Segmenter
@@ -66,82 +65,24 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
     """
     workers = count_workers(config.workers)
     _check(config)
-    splits = splits_of(frame_source(config.dataset, workers))
-    if "train" not in splits:
-        # A folder that is not there says so itself.
-        len(frame_source(config.dataset, workers, splits[0]))
-        raise ConfigurationError(
-            f"the dataset has no training frames, only {', '.join(splits)}. Choose another dataset, or score a trained "
-            "model on this one: python -m sgbd.evaluate"
-        )
-    if config.tuning is not None and "val" not in splits:
-        raise ConfigurationError(
-            "the dataset has no validation frames to choose thresholds on; keep the configured ones with tuning=none"
-        )
+    splits = _usable_splits(config, workers)
     # Before the frames are prepared: an impossible model is better known at once.
     seed_everything(config.seed, verbose=False)
     initial = untrained_checkpoint(config)
-    model, objectness, features = initial.model, initial.objectness, initial.recipe["features"]
-    block = configured_block(config)
-    cache = prepare_splits(config, splits, block)
-
-    def graphs(split: str, fields: Collection[str] | None = None) -> SuperpixelGraphDataset:
-        dataset = SuperpixelGraphDataset(
-            cache,
-            split,
-            features["node"],
-            features["edge"],
-            config.in_memory,
-            fields,
-            node_block=None if block is None else node_block_folder(block),
-        )
-        return with_truth(dataset, config.on_error)
-
-    training = graphs("train", ("name", *FIELDS))
-    partition, rule = instantiate(config.partition), instantiate(config.objects)
-    trainer: Trainer = instantiate(config.trainer)
-
-    validate = None
-    if "val" in splits:
-        validation = graphs("val")
-        validate = Validation(validation, Evaluator(partition, rule, boundaries=False))
-    else:
-        log.warning("the dataset has no validation frames: the last epoch's weights are kept")
-
-    # Before the training: a dataset that cannot be scored is told of now.
-    testing = graphs("test") if "test" in splits else None
-    if testing is None:
-        log.warning("the dataset has no test frames: nothing will be evaluated")
-
-    trained = trainer.train(
-        model,
-        training,
-        sampler=instantiate(config.sampler),
-        folder=folder,
-        recipe={
-            **initial.recipe,
-            "dataset": training.recipe["dataset"],
-            "seed": config.seed,
-            "versions": {package: version(package) for package in ("sgbd", "torch", "torch-geometric")},
-        },
-        objectness=objectness,
-        first_stage=initial.first_stage,
-        validate=validate,
-        loggers=[instantiate(logger) for logger in config.logger.values()],
-    )
+    # Of all splits before the training: a dataset that cannot be scored is told of now.
+    graphs = _graphs_by_split(config, splits, initial.recipe["features"])
+    trained = _train(config, initial, graphs, folder)
     write_figure(history_figure(trained.history, f"best epoch {trained.best_epoch}"), folder / "curves.png")
     if config.tuning is not None:
-        _tune(config, validation, trained.checkpoint, folder)
-    outcome = {
+        _tune(config, graphs["val"], trained.checkpoint, folder)
+    scores = _test(config, graphs["test"], trained, folder, workers).scores if "test" in graphs else {}
+    return {
         "checkpoint": trained.checkpoint.name,
-        "parameters": sum(parameter.numel() for parameter in model.parameters()),
+        "parameters": sum(parameter.numel() for parameter in initial.model.parameters()),
         "best_epoch": trained.best_epoch,
         "validation_score": trained.best_score,
+        "scores": scores,
     }
-    if testing is None:
-        return {**outcome, "scores": {}}
-    evaluation = _test(config, testing, trained, folder, workers)
-    return {**outcome, "scores": evaluation.scores}
 
 
 def _check(config: DictConfig) -> None:
@@ -164,6 +105,70 @@ def _check(config: DictConfig) -> None:
         instantiate(group)
     if config.tuning is not None:
         instantiate(config.tuning)
+
+
+def _usable_splits(config: DictConfig, workers: int) -> tuple[str, ...]:
+    """Return the splits of the dataset, which must have what a training and its tuning need."""
+    splits = splits_of(frame_source(config.dataset, workers))
+    if "train" not in splits:
+        # A folder that is not there says so itself.
+        len(frame_source(config.dataset, workers, splits[0]))
+        raise ConfigurationError(
+            f"the dataset has no training frames, only {', '.join(splits)}. Choose another dataset, or score a trained "
+            "model on this one: python -m sgbd.evaluate"
+        )
+    if config.tuning is not None and "val" not in splits:
+        raise ConfigurationError(
+            "the dataset has no validation frames to choose thresholds on; keep the configured ones with tuning=none"
+        )
+    for split, consequence in (
+        ("val", "the dataset has no validation frames: the last epoch's weights are kept"),
+        ("test", "the dataset has no test frames: nothing will be evaluated"),
+    ):
+        if split not in splits:
+            log.warning(consequence)
+    return splits
+
+
+def _graphs_by_split(
+    config: DictConfig, splits: Sequence[str], features: Mapping[str, Any]
+) -> dict[str, SuperpixelGraphDataset]:
+    """Prepare all splits, and open the graphs that have truth; of the training graphs only what training reads."""
+    block = configured_block(config)
+    cache = prepare_splits(config, splits, block)
+    graphs = {}
+    for split in splits:
+        fields = ("name", *FIELDS) if split == "train" else None
+        opened = open_graphs(cache, split, features, block, in_memory=config.in_memory, fields=fields)
+        graphs[split] = with_truth(opened, config.on_error)
+    return graphs
+
+
+def _train(
+    config: DictConfig, initial: Checkpoint, graphs: Mapping[str, SuperpixelGraphDataset], folder: Path
+) -> TrainingResult:
+    """Train, with the scores of the validation frames after every epoch if there are any."""
+    trainer: Trainer = instantiate(config.trainer)
+    validate = None
+    if "val" in graphs:
+        evaluator = Evaluator(instantiate(config.partition), instantiate(config.objects), boundaries=False)
+        validate = Validation(graphs["val"], evaluator)
+    return trainer.train(
+        initial.model,
+        graphs["train"],
+        sampler=instantiate(config.sampler),
+        folder=folder,
+        recipe={
+            **initial.recipe,
+            "dataset": graphs["train"].recipe["dataset"],
+            "seed": config.seed,
+            "versions": {package: version(package) for package in ("sgbd", "torch", "torch-geometric")},
+        },
+        objectness=initial.objectness,
+        first_stage=initial.first_stage,
+        validate=validate,
+        loggers=[instantiate(logger) for logger in config.logger.values()],
+    )
 
 
 def _tune(config: DictConfig, validation: SuperpixelGraphDataset, path: Path, folder: Path) -> None:

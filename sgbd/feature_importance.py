@@ -17,13 +17,11 @@ from sgbd.atomic_file import write_whole
 from sgbd.availability import NotAvailableError
 from sgbd.batches import collate
 from sgbd.configuration import ConfigurationError, entry_point, output_folder
-from sgbd.data import SuperpixelGraphDataset
 from sgbd.evaluation import with_truth
 from sgbd.features import EDGE_NAMES, NODE_NAMES, edge_columns, node_columns
 from sgbd.graph import edge_positions
 from sgbd.node_block import split_groups
-from sgbd.node_block_cache import node_block_folder
-from sgbd.pipeline import prepare_splits
+from sgbd.pipeline import open_graphs, prepare_splits
 from sgbd.results import write_figure
 from sgbd.sampling import BalancedEdgeSampler
 from sgbd.untrained import configured_block
@@ -181,17 +179,7 @@ def main(config: DictConfig) -> None:
     features, block = config.features, configured_block(config)
     cache = prepare_splits(config, ("train", config.held_out), block)
     graphs = [
-        with_truth(
-            SuperpixelGraphDataset(
-                cache,
-                split,
-                features.node,
-                features.edge,
-                in_memory=True,
-                node_block=None if block is None else node_block_folder(block),
-            )
-        )
-        for split in ("train", config.held_out)
+        with_truth(open_graphs(cache, split, features, block, in_memory=True)) for split in ("train", config.held_out)
     ]
     stored, others = split_groups(features.node)
     node_names = [NODE_NAMES[column] for column in node_columns(stored)]

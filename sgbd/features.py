@@ -6,6 +6,7 @@ Every column is computed and stored; an ablation selects columns of the same mat
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from itertools import accumulate
 
 import numpy as np
 import numpy.typing as npt
@@ -77,6 +78,15 @@ EDGE_GROUPS: Mapping[str, tuple[str, ...]] = {
 
 NODE_NAMES: tuple[str, ...] = tuple(name for names in NODE_GROUPS.values() for name in names)
 EDGE_NAMES: tuple[str, ...] = tuple(name for names in EDGE_GROUPS.values() for name in names)
+
+# First column of each group in the matrix of the nodes, in the order of `NODE_GROUPS`, and their number.
+AT_RGB, AT_POSITION, AT_DEPTH, AT_NORMAL, AT_XYZ, AT_MEAN_NORMAL, AT_COLOR_SPREAD, AT_SHAPE, NODE_WIDTH = accumulate(
+    map(len, NODE_GROUPS.values()), initial=0
+)
+# The same of the edges, in the order of `EDGE_GROUPS`.
+AT_BORDER, AT_DEPTH_STEP, AT_GRADIENT, AT_CONVEXITY, AT_DISTANCE, EDGE_WIDTH = accumulate(
+    map(len, EDGE_GROUPS.values()), initial=0
+)
 
 DEPTH_STEP_UNIT = 0.005
 DISTANCE_UNIT = 0.01
@@ -255,15 +265,15 @@ def node_features(frame: Frame, regions: Regions, geometry: Geometry) -> npt.NDA
         float32 [N, F], columns as `NODE_NAMES`.
     """
     camera = frame.camera
-    features = np.empty((len(regions.sums), len(NODE_NAMES)), np.float32)
+    features = np.empty((len(regions.sums), NODE_WIDTH), np.float32)
     _node_features(
         regions.sums,
         geometry.centroid,
         geometry.normal,
         geometry.residual,
         frame.depth,
-        float(camera.fx),
-        float(camera.fy),
+        camera.fx,
+        camera.fy,
         regions.nearest,
         regions.farthest,
         features,
@@ -291,28 +301,28 @@ def _node_features(  # type: ignore[no-untyped-def]
         total, place, feature = sums[region], centroids[region], features[region]
         pixels = total[PIXELS]
         row, column = total[ROW] / pixels, total[COLUMN] / pixels
-        feature[3] = column / width
-        feature[4] = row / height
-        feature[5] = (place[2] - nearest) / depth_range
+        feature[AT_POSITION] = column / width
+        feature[AT_POSITION + 1] = row / height
+        feature[AT_DEPTH] = (place[2] - nearest) / depth_range
         r, c = np.int64(np.rint(row)), np.int64(np.rint(column))
         x = -_slope(depth, r, c, np.int64(0), np.int64(1), focal_x)
         y = -_slope(depth, r, c, np.int64(1), np.int64(0), focal_y)
         length = np.sqrt(x * x + y * y + 1)
-        feature[6] = x / length
-        feature[7] = y / length
-        feature[8] = 1 / length
-        feature[9] = place[0] - scene_x
-        feature[10] = place[1] - scene_y
-        feature[11] = place[2] - scene_z
+        feature[AT_NORMAL] = x / length
+        feature[AT_NORMAL + 1] = y / length
+        feature[AT_NORMAL + 2] = 1 / length
+        feature[AT_XYZ] = place[0] - scene_x
+        feature[AT_XYZ + 1] = place[1] - scene_y
+        feature[AT_XYZ + 2] = place[2] - scene_z
         for k in range(3):
             color = total[RGB + k] / pixels
             variance = total[RGB_SQUARED + k] / pixels - color * color
-            feature[k] = color / 255
-            feature[12 + k] = normals[region, k]
-            feature[15 + k] = np.sqrt(0.0 if variance < 0 else variance) / 255
-        feature[18] = np.log(pixels / (height * width))
-        feature[19] = 1 - total[VALID] / pixels
-        feature[20] = np.log1p(residuals[region] * 1000)
+            feature[AT_RGB + k] = color / 255
+            feature[AT_MEAN_NORMAL + k] = normals[region, k]
+            feature[AT_COLOR_SPREAD + k] = np.sqrt(0.0 if variance < 0 else variance) / 255
+        feature[AT_SHAPE] = np.log(pixels / (height * width))
+        feature[AT_SHAPE + 1] = 1 - total[VALID] / pixels
+        feature[AT_SHAPE + 2] = np.log1p(residuals[region] * 1000)
 
 
 @compiled
@@ -348,7 +358,7 @@ def edge_features(
         float32 [E, D] of the edges i to j, and float32 [E, D] of the edges j to i; columns as `EDGE_NAMES`.
     """
     sums = sums_of_pairs(pairs, borders)
-    forward, backward = np.empty((2, pairs.shape[1], len(EDGE_NAMES)), np.float32)
+    forward, backward = np.empty((2, pairs.shape[1], EDGE_WIDTH), np.float32)
     _edge_features(
         np.ascontiguousarray(pairs), sums, regions.sums, geometry.centroid, geometry.normal, forward, backward
     )
@@ -375,23 +385,23 @@ def _edge_features(pairs, borders, sums, centroids, normals, forward, backward):
             color_distance += color * color
         distance = np.sqrt(distance)
         pixels = 1.0 if length < 1 else length
-        there[0] = np.log1p(length)
-        there[1] = np.log1p(border[DEPTH_STEP] / (1.0 if known < 1 else known) / DEPTH_STEP_UNIT)
-        there[2] = np.log1p(border[DEPTH_STEP_MIN] / DEPTH_STEP_UNIT)
-        there[3] = 1 - known / pixels
-        there[4] = border[COLOR_STEP] / pixels / 255
-        there[5] = bend / (1e-9 if distance < 1e-9 else distance)
-        there[6] = agreement
+        there[AT_BORDER] = np.log1p(length)
+        there[AT_DEPTH_STEP] = np.log1p(border[DEPTH_STEP] / (1.0 if known < 1 else known) / DEPTH_STEP_UNIT)
+        there[AT_DEPTH_STEP + 1] = np.log1p(border[DEPTH_STEP_MIN] / DEPTH_STEP_UNIT)
+        there[AT_DEPTH_STEP + 2] = 1 - known / pixels
+        there[AT_GRADIENT] = border[COLOR_STEP] / pixels / 255
+        there[AT_CONVEXITY] = bend / (1e-9 if distance < 1e-9 else distance)
+        there[AT_CONVEXITY + 1] = agreement
         # Logarithms with the sign of the distance.
         above_i, above_j = above_i / DISTANCE_UNIT, above_j / DISTANCE_UNIT
-        there[7] = np.sign(above_i) * np.log1p(abs(above_i))
-        there[8] = np.sign(above_j) * np.log1p(abs(above_j))
-        there[9] = np.log1p(distance / DISTANCE_UNIT)
-        there[10] = np.sqrt(color_distance)
-        for column in range(11):
+        there[AT_CONVEXITY + 2] = np.sign(above_i) * np.log1p(abs(above_i))
+        there[AT_CONVEXITY + 3] = np.sign(above_j) * np.log1p(abs(above_j))
+        there[AT_DISTANCE] = np.log1p(distance / DISTANCE_UNIT)
+        there[AT_DISTANCE + 1] = np.sqrt(color_distance)
+        for column in range(EDGE_WIDTH):
             back[column] = there[column]
         # Seen from the other end, the planes change places.
-        back[7], back[8] = there[8], there[7]
+        back[AT_CONVEXITY + 2], back[AT_CONVEXITY + 3] = there[AT_CONVEXITY + 3], there[AT_CONVEXITY + 2]
 
 
 def sums_of_pairs(pairs: Pairs, borders: Borders) -> npt.NDArray[np.float64]:

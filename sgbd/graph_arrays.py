@@ -17,7 +17,7 @@ from sgbd.features import Geometry, edge_features, node_features, sums_of_pairs
 from sgbd.frame import IGNORE, Frame
 from sgbd.label_map import pack
 from sgbd.majority import labeled_instance
-from sgbd.regions import PAIRS, region_and_border_sums
+from sgbd.regions import PAIRS, Borders, Regions, region_and_border_sums
 
 MERGE, CUT, UNKNOWN = 1.0, 0.0, -1.0
 """Values of `edge_label`."""
@@ -33,13 +33,18 @@ def graph_arrays(
     category_names: Sequence[str] = (),
     *,
     store_maps: bool = True,
+    sums: tuple[Regions, Borders] | None = None,
 ) -> GraphArrays:
-    """Build the superpixel graph of a frame; arguments, fields and errors as of `sgbd.graph.build_graph`."""
+    """Build the superpixel graph of a frame.
+
+    Arguments, fields and errors are those of `sgbd.graph.build_graph`. A caller that has a use for
+    the sums over the pixels, too, gives what `region_and_border_sums` said as `sums`.
+    """
     if label_map.shape != frame.depth.shape:
         raise ValueError(
             f"the label map has shape {label_map.shape}, the frame {frame.depth.shape}: over-segment this very frame"
         )
-    regions, borders = region_and_border_sums(frame, label_map)
+    regions, borders = region_and_border_sums(frame, label_map) if sums is None else sums
     if not (regions.pixels > 0).all():
         raise ValueError("the label map skips ids: number its superpixels 0..N-1 (sgbd.superpixels.connect.renumber)")
     area = regions.pixels.astype(np.int64)

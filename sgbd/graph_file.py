@@ -35,7 +35,7 @@ FORMAT_VERSION = 1
 SUFFIX = ".safetensors"
 
 _METADATA = "graph"  # one key: safetensors does not keep the order of several, and files must not differ
-_REVERSED_COLUMNS = "edge_attr.reversed_columns"
+_REVERSED, _REVERSED_COLUMNS = "edge_attr.reversed", "edge_attr.reversed_columns"
 _NARROW_INTEGERS = (np.uint8, np.int8, np.int16, np.int32)
 _NARROW_FLOATS = (np.int8, np.int16)
 
@@ -143,7 +143,7 @@ def stored_fields(path: Path) -> frozenset[str]:
     """Read which fields the graph of a file has, without its tensors.
 
     Raises:
-        GraphFileError: As of `read_summary`.
+        GraphFileError: As in `read_summary`.
     """
     header, _ = _read_header(path)
     try:
@@ -250,7 +250,7 @@ def _drop_second_halves(arrays: dict[str, npt.NDArray[Any]]) -> list[str]:
         forward, backward = np.split(attributes, 2)
         differ = np.flatnonzero((_bits(forward) != _bits(backward)).any(axis=0))
         arrays["edge_attr"] = forward
-        arrays["edge_attr.reversed"] = backward[:, differ]
+        arrays[_REVERSED] = backward[:, differ]
         arrays[_REVERSED_COLUMNS] = differ
     return mirrored
 
@@ -274,7 +274,7 @@ def _decode(header: Mapping[str, Any], stored: Mapping[str, Tensor], wanted: Col
             # Each part is as narrow as its own values allow.
             tensor = tensor.to(torch.float32)
             backward = tensor.clone()
-            backward[:, stored[_REVERSED_COLUMNS].long()] = stored["edge_attr.reversed"].to(torch.float32)
+            backward[:, stored[_REVERSED_COLUMNS].long()] = stored[_REVERSED].to(torch.float32)
             tensor = torch.cat([tensor, backward])
         # A copy where nothing changes type: fields must not share memory.
         values[key] = tensor.to(getattr(torch, entry["dtype"]), copy=key == "edge_label_index")

@@ -44,11 +44,11 @@ def labeled_instance(
     network it would be a wrong answer: it sees the whole superpixel, most of which may be something else.
 
     Args:
-        superpixel, instance, count: As of `majority_instance`; ignored pixels are not among them.
+        superpixel, instance, count: As in `majority_instance`; ignored pixels are not among them.
         area: int [N], all pixels of each superpixel.
 
     Returns:
-        int64 [N], as of `majority_instance`; -1 also for superpixels more than half of whose pixels are ignored.
+        int64 [N], as in `majority_instance`; -1 also for superpixels more than half of whose pixels are ignored.
     """
     known = np.bincount(superpixel, count, len(area))
     return np.where(2 * known < area, IGNORE, majority_instance(superpixel, instance, count, len(area)))

@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from hydra import compose, initialize_config_dir
+from hydra.errors import HydraException
 from omegaconf import OmegaConf
 
+_CHOICE = re.compile(r"\+?(?P<group>[A-Za-z_]\w*)=\w+")
 _OVERRIDE = re.compile(r"(?P<key>[A-Za-z_][\w./]*)(@[\w.]+)?=")
 
 
@@ -26,8 +28,12 @@ def suggestions(folder: Path, config_name: str, arguments: Sequence[str]) -> lis
         A sentence for every unknown key that is like a known one. What is added (+key) or removed (~key), and keys of
         Hydra's own, are passed over.
     """
+    choices = [argument for argument in arguments if _is_choice(folder, argument)]
     with initialize_config_dir(str(folder.resolve()), version_base="1.3"):
-        config = compose(config_name)
+        try:
+            config = compose(config_name, choices)
+        except HydraException:  # a choice that does not exist, or comes from --config-dir
+            config = compose(config_name)
     known = list(_keys(OmegaConf.to_container(config, resolve=False)))
     matches = (_OVERRIDE.match(argument) for argument in arguments)
     keys = [match["key"] for match in matches if match is not None]
@@ -38,6 +44,12 @@ def suggestions(folder: Path, config_name: str, arguments: Sequence[str]) -> lis
         nearest = difflib.get_close_matches(key, known, n=1, cutoff=0.7)
         told += [f"{key} is no key of this command; did you mean {nearest[0]}?" for _ in nearest]
     return told
+
+
+def _is_choice(folder: Path, argument: str) -> bool:
+    """Return whether an argument chooses one option of a group, which decides on the keys below it."""
+    match = _CHOICE.fullmatch(argument)
+    return match is not None and (folder / match["group"]).is_dir()
 
 
 def _keys(values: Any, before: str = "") -> Iterator[str]:

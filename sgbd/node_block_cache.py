@@ -41,7 +41,7 @@ from sgbd.node_block import NodeBlock
 from sgbd.one_process_at_a_time import one_process_at_a_time
 from sgbd.preparation import INDEX_FILE, RECIPE_FILE, PreparationError, frame_fingerprint, graph_file_name, read_index
 from sgbd.recipe import recipe_hash
-from sgbd.segmenter import node_map
+from sgbd.repaint import node_map
 from sgbd.sources.source import FrameSource
 
 log = logging.getLogger(__name__)

@@ -175,7 +175,7 @@ def _sigmoid(values: Any) -> Any:
 
 
 def description(checkpoint: Checkpoint, opset: int, trust: Sequence[str] = ()) -> dict[str, Any]:
-    """Return what a user of the file has to know, as JSON values; arguments and errors as of `to_onnx`."""
+    """Return what a user of the file has to know, as JSON values; arguments and errors as for `to_onnx`."""
     meaning = {
         "x": "float32 [nodes, F], node features, columns as node_columns, not standardised",
         "pairs": "int64 [2, pairs], every adjacency once, i < j",
@@ -247,7 +247,7 @@ def random_graph(
         generator: Source of the numbers.
 
     Returns:
-        x, pairs and edge_attr, as of `Networks.forward`.
+        x, pairs and edge_attr, as in `Networks.forward`.
     """
     first, second = np.triu_indices(nodes, 1)
     chosen = np.sort(generator.choice(len(first), pairs, replace=False)) if pairs else np.zeros(0, np.int64)

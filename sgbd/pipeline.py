@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -83,6 +83,25 @@ def prepare_splits(config: DictConfig, splits: Sequence[str], block: NodeBlock |
     return folders[-1]
 
 
+def open_graphs(
+    folder: Path, split: str, features: Mapping[str, Any], block: NodeBlock | None, **options: Any
+) -> SuperpixelGraphDataset:
+    """Open prepared graphs with some of their feature columns.
+
+    Args:
+        folder: The folder of the recipe.
+        split: Which split.
+        features: Groups of columns by `node` and `edge`, as in a configuration or a checkpoint's recipe.
+        block: What has the columns of a node feature group beyond those of every graph; None if no group needs it.
+        **options: Further arguments of `sgbd.data.SuperpixelGraphDataset`.
+
+    Returns:
+        The graphs.
+    """
+    name = None if block is None else node_block_folder(block)
+    return SuperpixelGraphDataset(folder, split, features["node"], features["edge"], node_block=name, **options)
+
+
 def graphs_for(
     segmenter: Segmenter, source: FrameSource, cache_dir: str | Path, workers: int, on_error: Literal["skip", "fail"]
 ) -> SuperpixelGraphDataset:
@@ -99,16 +118,9 @@ def graphs_for(
         The graphs, with the feature columns that the model was trained on.
     """
     folder = prepare(source, segmenter.superpixels, segmenter.graph, cache_dir, workers=workers, on_error=on_error)
-    features, block = segmenter.recipe["features"], segmenter.node_block
-    if block is not None:
-        prepare_node_block(folder, source, block)
-    return SuperpixelGraphDataset(
-        folder,
-        source.split,
-        features["node"],
-        features["edge"],
-        node_block=None if block is None else node_block_folder(block),
-    )
+    if segmenter.node_block is not None:
+        prepare_node_block(folder, source, segmenter.node_block)
+    return open_graphs(folder, source.split, segmenter.recipe["features"], segmenter.node_block)
 
 
 def checkpoint_graphs(

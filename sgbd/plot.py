@@ -19,6 +19,7 @@ from skimage.segmentation import find_boundaries
 from sgbd.failures import Failures
 from sgbd.frame import SUPPORT, Frame
 from sgbd.overlay import overlay
+from sgbd.score_titles import score_title
 from sgbd.segmentation import Segmentation
 
 
@@ -43,16 +44,16 @@ def segmentation_figure(frame: Frame, segmentation: Segmentation, title: str = "
     panels[1].set_title("depth (blank: missing)")
     figure.colorbar(picture, ax=panels[1], label="metres", fraction=0.04, pad=0.01)
     panels[2].imshow(with_boundaries(frame.rgb, segmentation.superpixels))
-    panels[2].set_title(f"{int(segmentation.superpixels.max()) + 1} superpixels")
+    panels[2].set_title(segmentation.described_nodes)
     draw_edges(panels[3], frame, segmentation)
     figure.colorbar(
         ScalarMappable(Normalize(0, 1), "RdYlGn"), ax=panels[3], label="merge probability", fraction=0.04, pad=0.01
     )
     panels[4].imshow(overlay(frame.rgb, segmentation.instances))
-    panels[4].set_title(f"prediction: {len(segmentation.scores)} objects")
+    panels[4].set_title(f"predicted objects: {len(segmentation.scores)}")
     if frame.instances is not None:
         panels[5].imshow(overlay(frame.rgb, frame.instances, first=SUPPORT + 1))
-        panels[5].set_title(f"truth: {len(np.unique(frame.instances[frame.instances > SUPPORT]))} objects")
+        panels[5].set_title(f"true objects: {len(np.unique(frame.instances[frame.instances > SUPPORT]))}")
     for panel in panels:
         panel.set_axis_off()
     figure.suptitle(title or frame.name)
@@ -109,11 +110,11 @@ def frames_figure(rows: Sequence[tuple[str, Frame, Segmentation]]) -> Figure:
         panels[0].imshow(frame.rgb)
         panels[0].set_title(f"{title} ({frame.name})", fontsize=8)
         panels[1].imshow(with_boundaries(frame.rgb, segmentation.superpixels))
-        panels[1].set_title(f"{int(segmentation.superpixels.max()) + 1} superpixels", fontsize=8)
+        panels[1].set_title(segmentation.described_nodes, fontsize=8)
         draw_edges(panels[2], frame, segmentation, width=0.7)
         panels[2].set_title("merge probability: red 0, green 1", fontsize=8)
         panels[3].imshow(overlay(frame.rgb, segmentation.instances))
-        panels[3].set_title(f"prediction: {len(segmentation.scores)} objects", fontsize=8)
+        panels[3].set_title(f"predicted objects: {len(segmentation.scores)}", fontsize=8)
         _draw_truth(panels[4], frame)
     return figure
 
@@ -180,7 +181,7 @@ def _grid(frame: Frame, rows: int, columns: int, width: float = 3.0) -> tuple[Fi
 def _draw_truth(panel: Axes, frame: Frame) -> None:
     if frame.instances is not None:
         panel.imshow(overlay(frame.rgb, frame.instances, first=SUPPORT + 1))
-        panel.set_title(f"truth: {len(np.unique(frame.instances[frame.instances > SUPPORT]))} objects", fontsize=8)
+        panel.set_title(f"true objects: {len(np.unique(frame.instances[frame.instances > SUPPORT]))}", fontsize=8)
 
 
 def _renumbered(label_map: npt.NDArray) -> npt.NDArray[np.int32]:
@@ -228,5 +229,7 @@ def history_figure(history: pd.DataFrame, title: str = "") -> Figure:
         The figure.
     """
     shown = ("loss", "edge_loss", "objectness_loss", "val/overlap_f", "val/unaided/overlap_f", "val/oracle/overlap_f")
-    curves = {name: list(zip(history["epoch"], history[name], strict=True)) for name in shown if name in history}
+    curves = {
+        score_title(name): list(zip(history["epoch"], history[name], strict=True)) for name in shown if name in history
+    }
     return curves_figure(curves, title)

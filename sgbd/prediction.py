@@ -93,7 +93,7 @@ def find_frames(
     if depth_scale is None and places[1].parent == parent and places[1].is_dir() and TumRecording.recognizes(parent):
         raise FrameReadError(
             places[1],
-            f"the folder belongs to a recording as of TUM RGB-D, the depth of which is not in millimetres. Give "
+            f"the folder belongs to a TUM RGB-D recording, the depth of which is not in millimetres. Give "
             f"rgb={parent} alone, or state the unit: depth_scale={TUM_DEPTH_SCALE:g} is TUM's.",
         )
     return RecordedFrames(*places, intrinsics, scale)

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap
 from sgbd.compiled import HAS_NUMBA, compiled
+
+if TYPE_CHECKING:
+    from torch_geometric.data import Data
+
+    from sgbd.graph_tensors import GraphTensors
 
 
 def repaint(label_map: LabelMap, names: npt.NDArray[np.integer]) -> LabelMap:
@@ -28,6 +35,22 @@ def repaint(label_map: LabelMap, names: npt.NDArray[np.integer]) -> LabelMap:
     else:
         painted[...] = new[label_map]
     return painted
+
+
+def node_map(label_map: LabelMap, data: Data | GraphTensors) -> LabelMap:
+    """Return the map of a graph's nodes.
+
+    Args:
+        label_map: int32 [H, W], the superpixels that the graph was built from.
+        data: The graph.
+
+    Returns:
+        int32 [H, W]: the superpixels themselves, or the segments of a first stage (`sgbd.agglomeration`).
+    """
+    node_of_superpixel = getattr(data, "node_of_superpixel", None)
+    if node_of_superpixel is None:
+        return label_map
+    return repaint(label_map, node_of_superpixel.cpu().numpy())
 
 
 @compiled

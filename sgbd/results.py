@@ -9,12 +9,14 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from tqdm import tqdm
 
 from sgbd.atomic_file import write_whole
 from sgbd.evaluation import Evaluation, score_table
 from sgbd.plot import segmentation_figure
 from sgbd.reliability import reliability_figure
 from sgbd.reporting.panels import GALLERY_FOLDER, write_index, write_panels
+from sgbd.score_titles import score_title
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameSource
 
@@ -43,7 +45,7 @@ def markdown(evaluation: Evaluation) -> str:
     """Return the scores in per cent as a Markdown table, a row for each protocol."""
     table = score_table(evaluation.scores)
     cells = table.map(lambda value: "–" if np.isnan(value) else f"{value:.1f}")
-    cells.columns = [str(name).replace("_", " ") for name in table]
+    cells.columns = [score_title(str(name)) for name in table]
     return cells.to_markdown(disable_numparse=True, colalign=["left"] + ["right"] * len(table.columns))
 
 
@@ -79,15 +81,16 @@ def draw_examples(
     """
     index = {name: place for place, name in enumerate(source.names)}
     pictures, shown = [], []
-    for rank, name in enumerate(names):
+    for rank, name in enumerate(tqdm(names, "drawing", unit="frame")):
         frame = source[index[name]]
         row = evaluation.frames.loc[name]
+        segmentation = segmenter.segment_frame(frame)
         title = f"{name}: overlap F {100 * row['overlap_f_measure']:.1f} of the merging alone"
         if "unaided_overlap_f_measure" in row:
             title += f", {100 * row['unaided_overlap_f_measure']:.1f} unaided, as drawn"
         if "oracle_overlap_f_measure" in row:
-            title += f" (best partition of these superpixels {100 * row['oracle_overlap_f_measure']:.1f})"
-        segmentation = segmenter.segment_frame(frame)
+            best = 100 * row["oracle_overlap_f_measure"]
+            title += f" (best partition of these {segmentation.kind_of_nodes} {best:.1f})"
         figure = segmentation_figure(frame, segmentation, title)
         stem = f"{rank + 1}_{name.replace('/', '_')}"
         pictures.append(write_figure(figure, folder / "pictures" / f"{stem}.png"))

@@ -54,7 +54,7 @@ class ScoredPartition:
     def boundary_f(
         self, objects: npt.NDArray[np.int64], label_map: npt.NDArray[np.integer], truth: npt.NDArray[np.integer]
     ) -> float:
-        """Return boundary F of some of the segments; maps as of `ScoredGraph.maps`."""
+        """Return boundary F of some of the segments; maps as `ScoredGraph.maps` gives them."""
         key = objects.tobytes()
         if key not in self._boundary:
             matching = match_objects(self.table, objects)

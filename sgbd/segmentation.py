@@ -202,6 +202,7 @@ class Segmentation:
             segments.
         edge_index: int64 [2, E], pairs of neighbouring superpixels, i < j.
         edge_probability: float32 [E], probability that each pair belongs together.
+        from_first_stage: Whether `superpixels` are segments of a first stage.
     """
 
     instances: npt.NDArray[np.int32]
@@ -210,12 +211,22 @@ class Segmentation:
     superpixels: npt.NDArray[np.int32]
     edge_index: npt.NDArray[np.int64]
     edge_probability: npt.NDArray[np.float32]
+    from_first_stage: bool = False
+
+    @property
+    def kind_of_nodes(self) -> str:
+        """What the nodes of the graph are, for people: "superpixels" or "segments of the first stage"."""
+        return "segments of the first stage" if self.from_first_stage else "superpixels"
+
+    @property
+    def described_nodes(self) -> str:
+        """How many nodes there are, and what they are, such as "212 superpixels"."""
+        return f"{int(self.superpixels.max(initial=-1)) + 1} {self.kind_of_nodes}"
 
     def __repr__(self) -> str:
         height, width = self.instances.shape
-        superpixels = int(self.superpixels.max(initial=-1)) + 1
         return (
-            f"Segmentation({len(self.scores)} objects, {width}x{height} pixels, {superpixels} superpixels, "
+            f"Segmentation({len(self.scores)} objects, {width}x{height} pixels, {self.described_nodes}, "
             f"{len(self.edge_probability)} edges)"
         )
 
@@ -245,4 +256,5 @@ def paint(
         superpixels=superpixels,
         edge_index=data.edge_label_index.cpu().numpy(),
         edge_probability=classification.edge_probability,
+        from_first_stage=getattr(data, "node_of_superpixel", None) is not None,
     )

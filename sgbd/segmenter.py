@@ -21,7 +21,7 @@ from sgbd.graph_tensors import GraphTensors
 from sgbd.node_block import NodeBlock, required_block, split_groups
 from sgbd.own_columns import with_own_columns
 from sgbd.partition import Partitioner
-from sgbd.repaint import repaint
+from sgbd.repaint import node_map
 from sgbd.segmentation import ObjectRule, Segmentation, classify, paint, partition_graph
 from sgbd.superpixels import Superpixels
 from sgbd.torch_threads import torch_threads
@@ -101,7 +101,7 @@ class Segmenter:
         threads: int = 1,
         trust: Sequence[str] = (),
     ) -> Segmenter:
-        """Read a checkpoint; arguments as of the class.
+        """Read a checkpoint; arguments as for the class.
 
         Raises:
             sgbd.checkpoint.CheckpointError: If the file is missing, damaged or no checkpoint.
@@ -128,7 +128,7 @@ class Segmenter:
         threads: int = 1,
         trust: Sequence[str] = (),
     ) -> Segmenter:
-        """Read the model that is installed with the package; arguments as of the class.
+        """Read the model that is installed with the package; arguments as for the class.
 
         Raises:
             sgbd.checkpoint.CheckpointError: If the package was installed without it.
@@ -210,22 +210,6 @@ class Segmenter:
 def _reads_fields_only(network: nn.Module) -> bool:
     """Say whether a network is one of this package's, which ask a graph for nothing but its fields."""
     return type(network).forward.__module__.startswith("sgbd.models.")
-
-
-def node_map(label_map: LabelMap, data: Data | GraphTensors) -> LabelMap:
-    """Return the map of a graph's nodes.
-
-    Args:
-        label_map: int32 [H, W], the superpixels that the graph was built from.
-        data: The graph.
-
-    Returns:
-        int32 [H, W]: the superpixels themselves, or the segments of a first stage (`sgbd.agglomeration`).
-    """
-    node_of_superpixel = getattr(data, "node_of_superpixel", None)
-    if node_of_superpixel is None:
-        return label_map
-    return repaint(label_map, node_of_superpixel.cpu().numpy())
 
 
 def _block(features: Mapping[str, Any], given: NodeBlock | None, trust: Sequence[str]) -> NodeBlock | None:

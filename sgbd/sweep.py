@@ -23,6 +23,7 @@ from sgbd import __version__
 from sgbd.atomic_file import write_whole
 from sgbd.configuration import ExpectedError
 from sgbd.job import IMMATERIAL, LOCK_FILE, PLACES, RESULT_FILE, digest, move_aside, read_json, write_json
+from sgbd.score_titles import score_title
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,7 +59,7 @@ class SweepTable(Callback):
     to a subfolder `earlier-<n>`.
 
     Args:
-        columns: Patterns (as of file names) of the scores that the Markdown table shows, in this order. The CSV file
+        columns: Patterns (as for file names) of the scores that the Markdown table shows, in this order. The CSV file
             holds all scores.
         plot: Names of the scores that are drawn.
         seed: The override whose repetitions are averaged.
@@ -238,7 +239,7 @@ def markdown(jobs: pd.DataFrame, summary: pd.DataFrame, columns: Sequence[str], 
     for score in [*chosen, "seconds"]:
         scale, digits = (1, 0) if score == "seconds" else (PER_CENT, 2)
         pairs = zip(scale * summary[score], scale * summary[f"{score} std"], strict=True)
-        shown[score] = [_mean_and_deviation(mean, deviation, digits) for mean, deviation in pairs]
+        shown[score_title(score)] = [_mean_and_deviation(mean, deviation, digits) for mean, deviation in pairs]
     lines = [shown.to_markdown(index=False, disable_numparse=True, stralign="right")]
     if chosen:
         lines.append("Scores in per cent.")
@@ -268,41 +269,53 @@ def draw(summary: pd.DataFrame, scores: Sequence[str]) -> Figure:
     Returns:
         A figure, made without pyplot.
     """
-    from matplotlib.figure import Figure
-
     overrides = summary.attrs["overrides"]
     numbers = pd.to_numeric(summary[overrides[0]], errors="coerce") if len(overrides) == 1 else None
     if numbers is not None and numbers.notna().all() and len(numbers) > 1:
-        ordered = summary.assign(**{overrides[0]: numbers}).sort_values(overrides[0])
-        figure = Figure(figsize=(6, 4), layout="constrained")
-        axes = figure.subplots()
-        positions = ordered[overrides[0]].to_numpy()
-        for score in scores:
-            deviation = PER_CENT * ordered[f"{score} std"].fillna(0)
-            axes.errorbar(positions, PER_CENT * ordered[score], yerr=deviation, marker="o", capsize=3, label=score)
-        if positions[0] > 0 and positions[-1] / positions[0] >= 4:
-            axes.set_xscale("log", base=2)
-        axes.set_xticks(positions, labels=[f"{position:g}" for position in positions])
-        axes.minorticks_off()
-        axes.set_xlabel(overrides[0])
-        axes.set_ylabel("%")
+        figure = _draw_over_numbers(summary.assign(**{overrides[0]: numbers}), overrides[0], scores)
     else:
-        names = [", ".join(str(row[key]) for key in overrides) or "all" for row in summary.to_dict("records")]
-        figure = Figure(figsize=(7, 1.4 + 0.45 * len(names)), layout="constrained")
-        axes = figure.subplots()
-        for place, score in enumerate(scores):
-            # Side by side: equal scores would hide each other.
-            rows = [row + 0.14 * (place - (len(scores) - 1) / 2) for row in range(len(names))]
-            deviation = PER_CENT * summary[f"{score} std"].fillna(0)
-            axes.errorbar(
-                PER_CENT * summary[score], rows, xerr=deviation, marker="o", linestyle="none", capsize=3, label=score
-            )
-        axes.set_yticks(range(len(names)), labels=names)
-        axes.set_ylim(len(names) - 0.5, -0.5)
-        axes.set_ylabel(", ".join(overrides))
-        axes.set_xlabel("%")
-    axes.grid(alpha=0.3)
+        figure = _draw_row_by_row(summary, scores)
+    figure.axes[0].grid(alpha=0.3)
     figure.legend(loc="outside upper center", ncols=3, frameon=False)
+    return figure
+
+
+def _draw_over_numbers(summary: pd.DataFrame, override: str, scores: Sequence[str]) -> Figure:
+    from matplotlib.figure import Figure
+
+    ordered = summary.sort_values(override)
+    positions = ordered[override].to_numpy()
+    figure = Figure(figsize=(6, 4), layout="constrained")
+    axes = figure.subplots()
+    for score in scores:
+        mean, deviation = PER_CENT * ordered[score], PER_CENT * ordered[f"{score} std"].fillna(0)
+        axes.errorbar(positions, mean, yerr=deviation, marker="o", capsize=3, label=score_title(score))
+    if positions[0] > 0 and positions[-1] / positions[0] >= 4:
+        axes.set_xscale("log", base=2)
+    axes.set_xticks(positions, labels=[f"{position:g}" for position in positions])
+    axes.minorticks_off()
+    axes.set_xlabel(override)
+    axes.set_ylabel("%")
+    return figure
+
+
+def _draw_row_by_row(summary: pd.DataFrame, scores: Sequence[str]) -> Figure:
+    from matplotlib.figure import Figure
+
+    overrides = summary.attrs["overrides"]
+    names = [", ".join(str(row[key]) for key in overrides) or "all" for row in summary.to_dict("records")]
+    figure = Figure(figsize=(7, 1.4 + 0.45 * len(names)), layout="constrained")
+    axes = figure.subplots()
+    for place, score in enumerate(scores):
+        # Side by side: equal scores would hide each other.
+        rows = [row + 0.14 * (place - (len(scores) - 1) / 2) for row in range(len(names))]
+        mean, deviation = PER_CENT * summary[score], PER_CENT * summary[f"{score} std"].fillna(0)
+        label = score_title(score)
+        axes.errorbar(mean, rows, xerr=deviation, marker="o", linestyle="none", capsize=3, label=label)
+    axes.set_yticks(range(len(names)), labels=names)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.set_ylabel(", ".join(overrides))
+    axes.set_xlabel("%")
     return figure
 
 

@@ -11,6 +11,7 @@ from sgbd.atomic_file import write_whole
 from sgbd.checkpoint import CHECKPOINT_FILE, Checkpoint, find_checkpoint
 from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
 from sgbd.pipeline import checkpoint_graphs, frame_source_of_split
+from sgbd.score_titles import score_title
 from sgbd.segmenter import Segmenter
 from sgbd.tuning import TUNING_FILE
 
@@ -45,7 +46,7 @@ def main(config: DictConfig) -> None:
     OmegaConf.save(config, out / "config.yaml")
     checkpoint.save(target)
     before, after = (100 * tuned.summary[when] for when in ("before", "after"))
-    scores = ", ".join(tuned.summary["scores"])
+    scores = ", ".join(map(score_title, tuned.summary["scores"]))
     frames = f"{len(graphs)} frame{'s'[: len(graphs) != 1]} of {source.split}"
     print(f"\n{path} on {frames}: mean of {scores} {before:.1f} % before, {after:.1f} % now")
     print(f"Scores are {'calibrated' if tuned.calibration else 'not calibrated'}. Tuned checkpoint: {target}")

@@ -17,6 +17,7 @@ from sgbd.calibration import ScoreCalibration, right_segments, segment_features
 from sgbd.checkpoint import instantiate
 from sgbd.partition import Partitioner
 from sgbd.recipe import describe
+from sgbd.score_titles import score_title
 from sgbd.scored_partition import ScoredGraph
 from sgbd.segmentation import ObjectRule, classify
 from sgbd.torch_threads import torch_threads
@@ -145,14 +146,7 @@ class Tuning:
         Raises:
             ValueError: If there are no graphs, or one has no truth.
         """
-        classified = []
-        with torch_threads(1):
-            for data in graphs:
-                if "overlap_count" not in data:
-                    raise ValueError(f"frame {data.name!r} has no ground truth: thresholds cannot be chosen on it")
-                classified.append(ScoredGraph(data, classify(model, objectness, data)))
-        if not classified:
-            raise ValueError("there are no validation graphs to tune on; give the dataset some, or use tuning=none")
+        classified = _classified(graphs, model, objectness)
 
         def partitioner(setting: Mapping[str, Any]) -> Partitioner:
             chosen = {name: value for name, value in setting.items() if name in PARTITION_PARAMETERS}
@@ -176,7 +170,8 @@ class Tuning:
         table = search.table(names)
         log.info(
             "tuned on %d frames, %s mean of %s: %.4f before (%s), %.4f now (%s)",
-            len(classified), search.protocol, ", ".join(SCORES), _mean(before), _told(start), _mean(after), _told(best),
+            len(classified), search.protocol, ", ".join(map(score_title, SCORES)),
+            _mean(before), _told(start), _mean(after), _told(best),
         )  # fmt: skip
         return TuningResult(
             {**partition, **{name: best[name] for name in names if name in PARTITION_PARAMETERS}},
@@ -206,6 +201,19 @@ class Tuning:
         finalists = search.best(self.finalists)
         # The start comes first: another setting wins only if it is better.
         return search.final([start, *(setting for setting in finalists if setting != start)])
+
+
+def _classified(graphs: Iterable[Data], model: nn.Module, objectness: nn.Module | None) -> list[ScoredGraph]:
+    """Run the networks on every graph, once; all need truth."""
+    classified = []
+    with torch_threads(1):
+        for data in graphs:
+            if "overlap_count" not in data:
+                raise ValueError(f"frame {data.name!r} has no ground truth: thresholds cannot be chosen on it")
+            classified.append(ScoredGraph(data, classify(model, objectness, data)))
+    if not classified:
+        raise ValueError("there are no validation graphs to tune on; give the dataset some, or use tuning=none")
+    return classified
 
 
 class _Search:

@@ -5,16 +5,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sgbd import Segmenter
 from sgbd.agglomeration import (
+    BINS,
     EDGE_COLUMNS,
     NODE_COLUMNS,
     STRIDE,
     AgglomeratedGraph,
     Samples,
+    _sample,
     continuation,
     evidence,
+    sample_numpy,
     sight,
 )
 from sgbd.checkpoint import Checkpoint, CheckpointError
@@ -26,6 +31,7 @@ from sgbd.label_map import unpack
 from sgbd.models import ObjectnessHead, SharedMLP
 from sgbd.preparation import prepare
 from sgbd.recipe import describe
+from sgbd.regions import region_and_border_sums
 from sgbd.segmentation import Classification, classify, paint, partition_graph
 from sgbd.superpixels import Slic
 from tests.scenes import Scenes, scene
@@ -124,7 +130,8 @@ def wall_with_a_post() -> tuple[Frame, np.ndarray]:
 def test_what_hides_a_connection_is_nearer_than_the_line_of_sight() -> None:
     frame, label_map = wall_with_a_post()
     data = build_graph(frame, label_map)
-    own, missing, nearer, farther = sight(frame, label_map, data.x.numpy(), np.array([[0], [2]]))[0]
+    regions, _ = region_and_border_sums(frame, label_map)
+    own, missing, nearer, farther = sight(frame, label_map, data.x.numpy(), np.array([[0], [2]]), regions)[0]
     # The centroids are 32 pixels apart, half of which the post hides.
     assert own + nearer == pytest.approx(1)
     assert nearer == pytest.approx(0.5, abs=0.05)
@@ -137,7 +144,8 @@ def test_a_gap_shows_what_lies_behind_it_or_nothing() -> None:
         frame.depth.flags.writeable = True
         frame.depth[:, 16:32] = behind
         data = build_graph(frame, label_map)
-        shares = sight(frame, label_map, data.x.numpy(), np.array([[0], [2]]))[0]
+        regions, _ = region_and_border_sums(frame, label_map)
+        shares = sight(frame, label_map, data.x.numpy(), np.array([[0], [2]]), regions)[0]
         assert shares[column] == pytest.approx(0.5, abs=0.05)
         assert shares[0] + shares[column] == pytest.approx(1)
 
@@ -189,6 +197,24 @@ def test_samples_hold_the_mean_point_of_what_has_depth() -> None:
     assert np.isnan(samples.position[1]).all()
 
 
+@given(height=st.integers(1, 40), width=st.integers(1, 40), seed=st.integers(0, 2**32 - 1))
+def test_samples_are_the_same_without_numba(height: int, width: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    label_map = rng.integers(0, 5, (height, width)).astype(np.int32)
+    depth = np.where(rng.random((height, width)) < 0.3, 0, rng.uniform(0.3, 4, (height, width))).astype(np.float32)
+    rgb = rng.integers(0, 256, (height, width, 3)).astype(np.uint8)
+    camera = np.array([500.0, 510.0, width / 2, height / 3])
+    results = []
+    for sample in (_sample, sample_numpy):
+        sums, histogram = np.zeros((5, 10)), np.zeros((5, BINS**3), np.int64)
+        sample(label_map, depth, rgb, camera, sums, histogram)
+        results.append((sums, histogram))
+    (sums, histogram), (others, other_histogram) = results
+    np.testing.assert_array_equal(sums, others)
+    np.testing.assert_array_equal(histogram, other_histogram)
+    assert sums[:, 0].sum() == histogram.sum()
+
+
 def test_a_second_stage_is_one_file_with_its_first(first: Checkpoint, graph: AgglomeratedGraph, tmp_path: Path) -> None:
     second = checkpoint(graph, first)
     path = second.save(tmp_path / "second.safetensors")
@@ -210,6 +236,7 @@ def test_a_second_stage_is_one_file_with_its_first(first: Checkpoint, graph: Agg
         cached = paint(unpack(data.label_map, (frame.height, frame.width)), data, said, segments)
         assert (result.instances == cached.instances).all()
         assert (result.superpixels == cached.superpixels).all()
+        assert result.described_nodes == f"{result.superpixels.max() + 1} segments of the first stage"
 
 
 def test_a_graph_without_its_first_stage_says_what_is_missing(graph: AgglomeratedGraph) -> None:

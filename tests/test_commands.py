@@ -124,7 +124,7 @@ def test_a_checkpoint_is_tuned_into_another_file(
     capsys.readouterr()
     tune = (*data, "checkpoint=trained", "tuning.threshold=[0.3,0.7]", "tuning.rounds=0", "partition=multicut")
     assert command("tune", *tune, "hydra.run.dir=tuned") == 0
-    assert "on 2 frames of val: mean of overlap_f, f75, boundary_f" in capsys.readouterr().out
+    assert "on 2 frames of val: mean of overlap F, F@.75, boundary F" in capsys.readouterr().out
     assert trained.read_bytes() == before
     old, new = (Checkpoint.load(tmp_path / name / "checkpoint.safetensors") for name in ("trained", "tuned"))
     best = pd.read_csv(tmp_path / "tuned" / "tuning.csv").iloc[0]

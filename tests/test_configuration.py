@@ -316,11 +316,12 @@ def program(tmp_path):
 
 
 def test_expected_errors_are_printed_without_a_traceback(program):
-    process = program("on_error=fail")
+    process = program("on_error=fail", "dataset=augmented", "dataset.source.root=frames")
     _, stderr = process.communicate(timeout=300)
     assert process.returncode == 1
     assert "what it is\nand what to do\n" in stderr
     assert "Traceback" not in stderr
+    assert "did you mean" not in stderr, "every key exists"
 
 
 def test_the_traceback_can_be_asked_for(program):

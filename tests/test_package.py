@@ -1,3 +1,5 @@
+import pkgutil
+import re
 import subprocess
 import sys
 
@@ -9,6 +11,12 @@ import sgbd
 @pytest.mark.parametrize("name", sgbd.__all__)
 def test_the_public_names_exist(name: str) -> None:
     assert getattr(sgbd, name)
+
+
+def test_the_map_of_the_package_has_every_module_once() -> None:
+    assert sgbd.__doc__ is not None
+    named = re.findall(r"`(\w+)`", sgbd.__doc__.replace("``", ""))
+    assert sorted(named) == sorted(module.name for module in pkgutil.iter_modules(sgbd.__path__))
 
 
 def test_an_unknown_name_is_an_attribute_error() -> None:

@@ -15,7 +15,7 @@ EVALUATION = Evaluation(
 
 def test_the_table_shows_gaps_as_dashes() -> None:
     lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in markdown(EVALUATION).splitlines()]
-    assert lines[0] == ["", "overlap f", "f75"]
+    assert lines[0] == ["", "overlap F", "F@.75"]
     assert lines[2:] == [["hm", "12.5", "–"], ["all", "50.0", "25.0"]]
 
 

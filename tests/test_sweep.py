@@ -60,7 +60,7 @@ def test_markdown_shows_means_deviations_and_reasons(sweep):
     jobs = read_jobs(sweep)
     text = markdown(jobs, summarize(jobs), ["hm/overlap_*", "none/*"])
     cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines()[:5]]
-    assert cells[0] == ["features", "jobs", "hm/overlap_f", "seconds"]
+    assert cells[0] == ["features", "jobs", "HM overlap F", "seconds"]
     assert cells[2] == ["rgb", "2", "62.00 ± 2.83", "5 ± 7"]
     assert cells[3] == ["all", "1 finished, 1 failed", "70.00", "20"]
     assert cells[4] == ["depth", "unfinished", "–", "–"]

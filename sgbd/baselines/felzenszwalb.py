@@ -10,11 +10,9 @@ from skimage.color import rgb2lab
 from skimage.segmentation import felzenszwalb
 
 from sgbd.baselines.baseline import Baseline
+from sgbd.baselines.color_depth_graph import LAB_RANGE
 from sgbd.frame import Frame
 from sgbd.superpixels.slic import filled_depth
-
-LAB_RANGE = 100.0
-"""Lightness of white in Lab."""
 
 
 class Felzenszwalb(Baseline):

@@ -13,7 +13,8 @@ from sgbd.frame import Frame, Intrinsics
 
 Points = npt.NDArray[np.float64]
 
-TRIPLE = 3
+PLANE_POINTS = 3
+"""Points that make a plane."""
 
 
 class PlaneRemoval(Baseline):
@@ -111,9 +112,9 @@ def ransac_plane(
         The unit normal, towards the origin, and the offset, so that ``points @ normal + offset`` is the distance,
         fitted to all points on the best plane; None if there are fewer than three points, or all are in a row.
     """
-    if len(points) < TRIPLE:
+    if len(points) < PLANE_POINTS:
         return None
-    corners = points[rng.integers(0, len(points), (trials, TRIPLE))]
+    corners = points[rng.integers(0, len(points), (trials, PLANE_POINTS))]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1)
     normals, corners = normals[lengths > 0], corners[lengths > 0]
@@ -128,7 +129,7 @@ def ransac_plane(
     # Twice: the fit moves the plane, and with it the points on it.
     for _ in range(2):
         near = points[abs(points @ normal + offset) <= allowed]
-        if len(near) < TRIPLE:
+        if len(near) < PLANE_POINTS:
             break
         center = near.mean(0)
         _, axes = np.linalg.eigh((near - center).T @ (near - center))

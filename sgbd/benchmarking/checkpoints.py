@@ -40,6 +40,9 @@ def configured_checkpoint(config: DictConfig, n: int | None = None) -> Checkpoin
     return checkpoint
 
 
-def segmenter(checkpoint: Checkpoint, config: DictConfig) -> Segmenter:
-    """Return what segments frames with a checkpoint of `configured_checkpoint`."""
+def configured_segmenter(config: DictConfig, n: int | None = None) -> Segmenter:
+    """Return what segments frames with the checkpoint that a configuration means; arguments and errors as for
+    `configured_checkpoint`.
+    """
+    checkpoint = configured_checkpoint(config, n)
     return Segmenter(checkpoint, threads=torch.get_num_threads(), trust=trusted_packages(config))

@@ -11,11 +11,16 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 MEBIBYTE = 2**20
+
+IMPORTS = ("numpy", "psutil", "torch", "sgbd.frame", "sgbd.segmenter")
+IMPORTS_OF_METHOD = {"reference": ("sgbd.benchmarking.reference",), "baseline": ("hydra.utils", "sgbd.baselines")}
+"""What is imported, and timed, before a method is loaded."""
 
 
 def save_frames(frames: Sequence[Any], path: Path) -> None:
@@ -93,21 +98,15 @@ def do_job(
         resident memory (MiB) after the imports and after each frame; and the peak since.
     """
     start, start_cpu = time.perf_counter(), time.process_time()
+    for module in (*IMPORTS, *IMPORTS_OF_METHOD.get(method, ())):
+        import_module(module)
+    imported, imported_cpu = time.perf_counter(), time.process_time()
     import numpy as np
     import psutil
     import torch
 
-    from sgbd.frame import Frame, Intrinsics
-    from sgbd.segmenter import Segmenter
+    from sgbd.frame import Intrinsics
 
-    if method == "reference":
-        from sgbd.benchmarking.reference import Reference
-    elif method == "baseline":
-        from hydra.utils import instantiate
-
-        import sgbd.baselines
-
-    imported, imported_cpu = time.perf_counter(), time.process_time()
     torch.set_num_threads(torch_threads)
     with np.load(frames) as arrays:
         rgb, depth, cameras = arrays["rgb"], arrays["depth"], arrays["cameras"]
@@ -117,24 +116,14 @@ def do_job(
         return float(process.memory_info().rss / MEBIBYTE)
 
     loading, base = time.perf_counter(), resident()
-    if method == "reference":
-        reference = Reference.untrained(n)
-    elif method == "baseline":
-        chosen: sgbd.baselines.Baseline = instantiate(baseline)
-    else:
-        segmenter = Segmenter.load(checkpoint, trust=trust)
+    segment = _loaded(method, n, checkpoint, trust, baseline)
     loaded = time.perf_counter()
     seconds, cpu_seconds, memory = [], [], []
     for number in range(count):
         place = number % len(rgb)
         begun, begun_cpu = time.perf_counter(), time.process_time()
         camera = None if np.isnan(cameras[place]).any() else Intrinsics(*cameras[place].tolist())
-        if method == "reference":
-            reference(Frame(rgb[place], depth[place], camera))
-        elif method == "baseline":
-            chosen(Frame(rgb[place], depth[place], camera))
-        else:
-            segmenter.segment(rgb[place], depth[place], camera)
+        segment(rgb[place], depth[place], camera)
         seconds.append(time.perf_counter() - begun)
         cpu_seconds.append(time.process_time() - begun_cpu)
         memory.append(resident())
@@ -148,6 +137,28 @@ def do_job(
         "frame_mib": memory,
         "peak_mib": peak_memory(),
     }
+
+
+def _loaded(
+    method: str, n: int, checkpoint: str, trust: Sequence[str], baseline: Mapping[str, Any] | None
+) -> Callable[..., Any]:
+    """Load a method; return a function of colours, depth and camera of a frame."""
+    if method == "ours":
+        from sgbd.segmenter import Segmenter
+
+        return Segmenter.load(checkpoint, trust=trust).segment
+    from sgbd.frame import Frame
+
+    chosen: Callable[[Frame], Any]
+    if method == "reference":
+        from sgbd.benchmarking.reference import Reference
+
+        chosen = Reference.untrained(n)
+    else:
+        from hydra.utils import instantiate
+
+        chosen = instantiate(baseline)
+    return lambda rgb, depth, camera: chosen(Frame(rgb, depth, camera))
 
 
 def peak_memory() -> float | None:

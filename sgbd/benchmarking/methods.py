@@ -9,7 +9,7 @@ from hydra import compose
 from hydra.core.global_hydra import GlobalHydra
 from omegaconf import DictConfig
 
-from sgbd.benchmarking.checkpoints import configured_checkpoint, segmenter
+from sgbd.benchmarking.checkpoints import configured_segmenter
 from sgbd.benchmarking.frames import RawFrame
 from sgbd.benchmarking.reference import Reference, scikit_image_superpixels
 from sgbd.configuration import ConfigurationError
@@ -42,7 +42,7 @@ def make_method(name: str, config: DictConfig, n: int) -> Method:
         return lambda raw: reference(raw.frame())
     if name == SCIKIT_IMAGE:
         return lambda raw: scikit_image_superpixels(raw.frame(), n)
-    chosen = segmenter(configured_checkpoint(config if name == OURS else with_option(config, name), n), config)
+    chosen = configured_segmenter(config if name == OURS else with_option(config, name), n)
     return lambda raw: chosen.segment(raw.rgb, raw.depth, raw.intrinsics)
 
 

@@ -14,7 +14,7 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 from tqdm import tqdm
 
-from sgbd.benchmarking.checkpoints import configured_checkpoint, segmenter
+from sgbd.benchmarking.checkpoints import configured_checkpoint, configured_segmenter
 from sgbd.benchmarking.dataset import write_dataset
 from sgbd.benchmarking.evaluation_speed import measure_evaluation
 from sgbd.benchmarking.extent import Extent
@@ -80,7 +80,7 @@ class Benchmark:
         """Time our way from a frame to its objects, stage by stage, for every n."""
         rows = []
         for n in self.numbers:
-            chosen = segmenter(configured_checkpoint(self.config, n), self.config)
+            chosen = configured_segmenter(self.config, n)
             nodes, edges = [], []
             for raw in self.frames:
                 found = chosen.segment(raw.rgb, raw.depth, raw.intrinsics)
@@ -172,16 +172,16 @@ class Benchmark:
         """Time the preparation of image files, with our superpixels and with scikit-image's."""
         n, progress = self.numbers[0], self.config.progress
         source = self._files(self.extent.prepare_frames)
-        chosen = segmenter(configured_checkpoint(self.config, n), self.config)
-        counts = sorted({0, self._workers()})
+        chosen = configured_segmenter(self.config, n)
+        counts = sorted({0, int(self.config.workers)})
         rows, cache = measure_preparation(source, chosen, counts, self._folder("caches"), progress)
         self._cache = source, cache
         # A few frames tell enough, and take as long as all of ours.
         few = self._files(max(1, self.extent.prepare_frames // 8))
         other = with_option(self.config, SCIKIT_IMAGE_SUPERPIXELS)
-        chosen = segmenter(configured_checkpoint(other, n), other)
+        chosen = configured_segmenter(other, n)
         rows += measure_preparation(few, chosen, [0], self._folder("caches"), progress)[0]
-        self.report.add("prepare", f"PNG files to cached graphs, {self.size}, n={self.numbers[0]}", rows)
+        self.report.add("prepare", f"PNG files to cached graphs, {self.size}, n={n}", rows)
 
     def curve(self) -> None:
         """Time whole frames of growing size and with growing n, and the preparation of ever more frames."""
@@ -195,7 +195,7 @@ class Benchmark:
         self.report.add("curve_size", f"A whole frame by its size, n={n}", rows)
         rows = [{"n": number, **self._whole_frames(self.frames, number)} for number in NUMBERS]
         self.report.add("curve_n", f"A whole frame by n, {self.size}", rows)
-        chosen = segmenter(configured_checkpoint(self.config, n), self.config)
+        chosen = configured_segmenter(self.config, n)
         rows = []
         for share in SHARES:
             source = self._files(max(1, share * self.extent.prepare_frames // max(SHARES)))
@@ -204,7 +204,7 @@ class Benchmark:
         self.report.add("curve_frames", f"Preparation of ever more frames, {self.size}, n={n}, one process", rows)
 
     def _whole_frames(self, frames: Sequence[RawFrame], n: int) -> dict[str, float]:
-        chosen = segmenter(configured_checkpoint(self.config, n), self.config)
+        chosen = configured_segmenter(self.config, n)
         watched = take_turns(
             {OURS: lambda number: _segment(chosen, frames[number % len(frames)])},
             self._bar(self.extent.repeats, f"curve, n={n}"),
@@ -232,7 +232,7 @@ class Benchmark:
     def evaluate(self) -> None:
         """Time evaluation on cached graphs."""
         source, cache = self._graphs()
-        chosen = segmenter(configured_checkpoint(self.config, self.numbers[0]), self.config)
+        chosen = configured_segmenter(self.config, self.numbers[0])
         rows = measure_evaluation(cache, source.split, chosen, self.extent.evaluate_repeats)
         self.report.add("evaluate", f"Evaluation of cached graphs, a frame of {self.size}, n={self.numbers[0]}", rows)
 
@@ -277,12 +277,9 @@ class Benchmark:
         """Return cached graphs: those of the section `prepare`, or made for the purpose."""
         if self._cache is None:
             source = self._files(self.extent.prepare_frames)
-            chosen = segmenter(configured_checkpoint(self.config, self.numbers[0]), self.config)
+            chosen = configured_segmenter(self.config, self.numbers[0])
             self._cache = source, prepare_frames(source, chosen, 0, self._folder("caches"), self.config.progress)
         return self._cache
-
-    def _workers(self) -> int:
-        return int(self.config.workers)
 
     def _on_frames(self, method: Method) -> Callable[[int], Any]:
         return lambda number: method(self._raw(number))

@@ -11,8 +11,9 @@ from sgbd.benchmarking.timing import Stopwatch
 from sgbd.features import Geometry, edge_features, node_features
 from sgbd.frame import Frame
 from sgbd.regions import region_and_border_sums
+from sgbd.repaint import node_map
 from sgbd.segmentation import Segmentation, classify, paint, partition_graph
-from sgbd.segmenter import Segmenter, node_map
+from sgbd.segmenter import Segmenter
 
 STAGES = ("validation", "superpixels", "graph", "model", "partition", "painting")
 """What a frame goes through, one after the other."""

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -166,7 +167,7 @@ def _places(objects: NDArray[np.int64], found: ContourMap, name: str) -> NDArray
 def boundary_scores(
     prediction: ArrayLike | ContourMap, truth: ArrayLike | ContourMap, matching: Matching
 ) -> BoundaryScores:
-    """Boundary precision, recall and F-measure of one frame; arguments as of `match_contours`."""
+    """Boundary precision, recall and F-measure of one frame; arguments as for `match_contours`."""
     match = match_contours(prediction, truth, matching)
     return BoundaryScores(
         *precision_recall_f(
@@ -178,6 +179,7 @@ def boundary_scores(
     )
 
 
+@lru_cache
 def _disk(radius: int) -> NDArray[np.int64]:
     """Offsets (dy, dx) within the radius [D, 2], nearest first, so that a search ends early."""
     dy, dx = np.mgrid[-radius : radius + 1, -radius : radius + 1].reshape(2, -1)

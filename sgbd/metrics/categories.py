@@ -100,7 +100,7 @@ def category_scores(
     matching = match_objects(table, objects_by_contact(table))
     overlap = np.stack([matching.precision, matching.recall, matching.f_measure], axis=1)
     boundary = np.full(overlap.shape, np.nan)
-    if prediction is not None and truth is not None:
+    if prediction is not None and truth is not None and category:
         match = match_contours(prediction, truth, matching)
         p = label_index(matching.segment, matching.predicted_objects)
         q = label_index(matching.instance, matching.true_objects)

@@ -8,6 +8,7 @@ follows from the overlap of superpixels and instances without looking at a pixel
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -93,8 +94,9 @@ class ContingencyTable:
         of_overlap = segment[superpixel]
         segments, instances = distinct_labels(of_overlap), distinct_labels(instance)
         row, column = label_index(of_overlap, segments), label_index(instance, instances)
-        counts = np.zeros((len(segments), len(instances)), dtype=np.int64)
-        np.add.at(counts, (row, column), count)
+        shape = len(segments), len(instances)
+        # Sums of pixels are whole numbers far below 2^53, exact as float64.
+        counts = np.bincount(row * shape[1] + column, count, shape[0] * shape[1]).astype(np.int64).reshape(shape)
         return cls._of_known(segments, instances, counts)
 
     @classmethod
@@ -106,12 +108,12 @@ class ContingencyTable:
         row, column = counts.any(axis=1), counts.any(axis=0)
         return cls(segments[row], instances[column], counts[row][:, column])
 
-    @property
+    @cached_property
     def segment_area(self) -> NDArray[np.int64]:
         """Pixels of known truth in each segment, int64 [S]."""
         return self.counts.sum(axis=1)
 
-    @property
+    @cached_property
     def instance_area(self) -> NDArray[np.int64]:
         """Pixels of each instance, int64 [T]."""
         return self.counts.sum(axis=0)

@@ -43,7 +43,7 @@ def edge_scores(merged: ArrayLike, edge_label: ArrayLike) -> EdgeScores:
         raise ValueError(f"merged must be boolean decisions, got {merged.dtype}: compare probabilities to a threshold")
     if merged.shape != label.shape or merged.ndim != 1:
         raise ValueError(f"there must be one decision for each label, got {list(merged.shape)} and {list(label.shape)}")
-    if not np.isin(label, (-1, 0, 1)).all():
+    if not ((label == 1) | (label == 0) | (label == -1)).all():
         raise ValueError(f"edge labels must be 1 (merge), 0 (cut) or -1 (unknown), got {np.unique(label)}")
     cut, true_cut = ~merged[label >= 0], label[label >= 0] == 0
     right = int((cut & true_cut).sum())

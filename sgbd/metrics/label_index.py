@@ -7,8 +7,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from sgbd.compiled import compiled
 
-# A wider range of labels is searched instead of looked up in a table.
+# In a wider range labels are searched instead of looked up in a table.
 _LONGEST_TABLE = 1 << 20
+
+# And so are so few of them: a table for them takes longer.
+_FEW = 1 << 8
 
 
 def as_label_map(label_map: ArrayLike, name: str, lowest: int = 0) -> NDArray[np.integer]:
@@ -55,12 +58,13 @@ def label_index(label_map: NDArray[np.integer], labels: ArrayLike) -> NDArray[np
     labels = np.asarray(labels, dtype=np.int64)
     if label_map.size == 0 or labels.size == 0:
         return np.full(label_map.shape, -1, dtype=np.int32)
-    lowest, highest = int(label_map.min()), int(label_map.max())
-    if _fits_table(lowest, highest):
-        table = np.full(highest - lowest + 1, -1, dtype=np.int32)
-        inside = np.flatnonzero((labels >= lowest) & (labels <= highest))
-        table[labels[inside] - lowest] = inside
-        return _translated(_flat(label_map), lowest, table).reshape(label_map.shape)
+    if label_map.size > _FEW:
+        lowest, highest = int(label_map.min()), int(label_map.max())
+        if _fits_table(lowest, highest):
+            table = np.full(highest - lowest + 1, -1, dtype=np.int32)
+            inside = np.flatnonzero((labels >= lowest) & (labels <= highest))
+            table[labels[inside] - lowest] = inside
+            return _translated(_flat(label_map), lowest, table).reshape(label_map.shape)
     order = np.argsort(labels)
     ascending = labels[order]
     position = np.minimum(np.searchsorted(ascending, label_map), len(labels) - 1)

@@ -44,6 +44,6 @@ def oracle_segments(
 def oracle_table(
     superpixel: ArrayLike, instance: ArrayLike, count: ArrayLike, num_superpixels: int
 ) -> ContingencyTable:
-    """The contingency table of the oracle's segments and the truth; arguments as of `oracle_segments`."""
+    """The contingency table of the oracle's segments and the truth; arguments as for `oracle_segments`."""
     segments = oracle_segments(superpixel, instance, count, num_superpixels)
     return ContingencyTable.from_superpixels(superpixel, instance, count, segments)

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sgbd.metrics.contingency import ContingencyTable
 from sgbd.metrics.f_measure import precision_recall_f
+from sgbd.metrics.label_index import label_index
 from sgbd.metrics.objects import FIRST_OBJECT, objects_by_label
 
 DETECTION_THRESHOLD: float = 0.75
@@ -89,12 +90,10 @@ def match_objects(table: ContingencyTable, objects: ArrayLike | None = None) -> 
 
     if objects is None:
         objects = objects_by_label(table)
-    predicted_objects = np.intersect1d(np.asarray(objects, dtype=np.int64), table.segments)
-    true_objects = table.instances[table.instances >= FIRST_OBJECT]
-    # Both lists of the table are ascending and hold all of these.
-    row = np.searchsorted(table.segments, predicted_objects)
-    column = np.searchsorted(table.instances, true_objects)
-    shared = table.counts[np.ix_(row, column)].T  # [Q, P]
+    places = label_index(table.segments, np.unique(np.asarray(objects, dtype=np.int64)))
+    row, column = np.flatnonzero(places >= 0), np.flatnonzero(table.instances >= FIRST_OBJECT)
+    predicted_objects, true_objects = table.segments[row], table.instances[column]
+    shared = table.counts[row][:, column].T  # [Q, P]
     predicted_area = table.segment_area[row]
     true_area = table.instance_area[column]
     # 2PR / (P + R) in pixels.

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
+from sgbd.models.gated_messages import gated_messages, has_messages_compiled
 from sgbd.models.gated_network import GatedLayer, GatedNetwork
 from sgbd.models.gated_pass import gated_pass
 from sgbd.models.in_evaluation import can_be_compiled
@@ -47,14 +48,18 @@ class GatedConvolution(GatedLayer):
             New node states [N, C] and edge states [2E, C].
         """
         neighbor, center = edge_index
-        # index_select, because the gradient of plain indexing takes twice as long on a CPU.
-        at_center, at_neighbor, own, message = self.node_linear(nodes).chunk(4, dim=1)
-        gate_logits = (
-            at_center.index_select(0, center) + at_neighbor.index_select(0, neighbor) + self.edge_linear(edges)
-        )
-        gates = torch.sigmoid(gate_logits)
-        gathered = sum_by(center, torch.cat([gates * message.index_select(0, neighbor), gates], dim=1), nodes.size(0))
-        weighted, total = gathered.chunk(2, dim=1)
+        projected, edge_terms = self.node_linear(nodes), self.edge_linear(edges)
+        if has_messages_compiled(projected, edge_terms):
+            gate_logits, own, weighted, total = gated_messages(projected, edge_terms, neighbor, center)
+        else:
+            at_center, at_neighbor, own, message = projected.chunk(4, dim=1)
+            # index_select, because the gradient of plain indexing takes twice as long on a CPU.
+            gate_logits = at_center.index_select(0, center) + at_neighbor.index_select(0, neighbor) + edge_terms
+            gates = torch.sigmoid(gate_logits)
+            gathered = sum_by(
+                center, torch.cat([gates * message.index_select(0, neighbor), gates], dim=1), nodes.size(0)
+            )
+            weighted, total = gathered.chunk(2, dim=1)
         node_update = self.node_norm(own + weighted / (total + 1e-6))
         nodes = nodes + self.dropout(torch.relu(node_update))
         if edges.size(0) > 0:

@@ -120,7 +120,7 @@ class GatedNetwork(EdgeClassifier):
         Args:
             x: float32 [N, F], standardised.
             edge_attr: float32 [number of edges, edge_inputs], standardised.
-            *ends: Where the edges lead, as of `GatedLayer.update_in_place`.
+            *ends: Where the edges lead, as in `GatedLayer.update_in_place`.
 
         Returns:
             As `pass_messages`.

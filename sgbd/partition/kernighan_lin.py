@@ -28,10 +28,10 @@ class Multicut(GreedyMulticut):
     The cost of the result is never above that of `GreedyMulticut`.
 
     Args:
-        threshold: as of `GreedyMulticut`.
-        border_weight: as of `GreedyMulticut`.
-        epsilon: as of `GreedyMulticut`.
-        objectness_weight: as of `GreedyMulticut`.
+        threshold: as in `GreedyMulticut`.
+        border_weight: as in `GreedyMulticut`.
+        epsilon: as in `GreedyMulticut`.
+        objectness_weight: as in `GreedyMulticut`.
         max_rounds: rounds over all pairs of segments that have changed; 0 leaves the greedy partition as it is.
     """
 

@@ -53,7 +53,7 @@ class ThresholdPartitioner(ABC):
         probability: NDArray[np.float64],
         border_length: NDArray[np.float64],
     ) -> NDArray[np.int64]:
-        """Partition a graph that has been checked; arguments and result as of `sgbd.partition.Partitioner`."""
+        """Partition a graph that has been checked; arguments and result as for `sgbd.partition.Partitioner`."""
 
     def __repr__(self) -> str:
         arguments = inspect.signature(type(self)).parameters
@@ -67,7 +67,7 @@ class SignedWeightPartitioner(ThresholdPartitioner):
         threshold: Merge probability at which an edge is indifferent.
         border_weight: What s is: "length", the border length, "log", log(1 + border length), or "none", 1.
         epsilon: Probabilities are clipped to [epsilon, 1 - epsilon], so that 0 and 1 have finite weights.
-        objectness_weight: As of `ThresholdPartitioner`.
+        objectness_weight: As in `ThresholdPartitioner`.
 
     Raises:
         ValueError: If an argument is out of its range.

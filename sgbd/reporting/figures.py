@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from sgbd.reporting.runs import Run
+from sgbd.score_titles import score_title
 from sgbd.sweep import PER_CENT
 
 LEGEND_ENTRIES = 12
@@ -71,7 +72,7 @@ def curve_comparison(runs: Mapping[str, Sequence[Run]], score: str = "val/overla
     for name, line in lines.items():
         axes.plot(line.index, PER_CENT * line, marker="o", markersize=3, label=name)
     axes.set_xlabel("epoch")
-    axes.set_ylabel(f"{score}, %")
+    axes.set_ylabel(f"{score_title(score)}, %")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     axes.grid(alpha=0.3)
     if len(lines) <= LEGEND_ENTRIES:

@@ -33,12 +33,14 @@ class Picture:
 
     Attributes:
         panel: Which panel it is.
+        title: What it shows, for people.
         data: The file as a `data:` address.
         width: Pixels.
         height: Pixels.
     """
 
     panel: str
+    title: str
     data: str
     width: int
     height: int
@@ -165,11 +167,11 @@ def _card(identity: str, run: Run, frame: GalleryFrame, files: Sequence[tuple[st
         seen, unseen = frame.seen > 0, frame.unseen > 0
     elif "seen_overlap_f_measure" in row:
         seen, unseen = (not math.isnan(row[f"{group}_overlap_f_measure"]) for group in ("seen", "unseen"))
-    pictures = [_picture(panel, path) for panel, path in files]
+    pictures = [_picture(panel, frame.nodes if panel == "superpixels" else panel, path) for panel, path in files]
     return Card(identity, run.label, run.dataset, frame.name, scores, seen, unseen, frame.categories, pictures)
 
 
-def _picture(panel: str, path: Path) -> Picture:
+def _picture(panel: str, title: str, path: Path) -> Picture:
     try:
         with Image.open(path) as picture:
             picture.load()
@@ -178,4 +180,4 @@ def _picture(panel: str, path: Path) -> Picture:
             kind = "webp" if panel == WHOLE_PICTURE else str(picture.format).lower()
     except (UnidentifiedImageError, OSError) as error:
         raise ConfigurationError(f"{path} is damaged ({error}); remove it, or repeat the evaluation") from None
-    return Picture(panel, f"data:image/{kind};base64,{base64.b64encode(content).decode()}", width, height)
+    return Picture(panel, title, f"data:image/{kind};base64,{base64.b64encode(content).decode()}", width, height)

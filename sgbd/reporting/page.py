@@ -15,7 +15,7 @@ from omegaconf import OmegaConf
 from sgbd import __version__
 from sgbd.plot import history_figure
 from sgbd.reporting.figures import curve_comparison, frame_distribution, inline_svg
-from sgbd.reporting.gallery import MEASURES, collect
+from sgbd.reporting.gallery import MEASURES, Gallery, collect
 from sgbd.reporting.panels import PANELS
 from sgbd.reporting.runs import Results, Run, Sweep
 from sgbd.reporting.tables import (
@@ -26,9 +26,9 @@ from sgbd.reporting.tables import (
     jobs_table,
     overview_table,
     protocol_table,
-    score_name,
     sweep_table,
 )
+from sgbd.score_titles import score_title
 from sgbd.sweep import draw, summarize
 
 HEADLINES = ("hm/overlap_f", "all/overlap_f", "all/boundary_f", "unaided/overlap_f", "oracle/overlap_f")
@@ -39,6 +39,17 @@ HEADLINES = ("hm/overlap_f", "all/overlap_f", "all/boundary_f", "unaided/overlap
 class _Figure:
     svg: Markup
     caption: str
+
+
+class _Figures:
+    """Puts figures into the page, each with ids of its own."""
+
+    def __init__(self) -> None:
+        self._numbers = count()
+
+    def __call__(self, drawn: Any, caption: str) -> list[_Figure]:
+        """Return a drawn figure for the page; nothing for None."""
+        return [] if drawn is None else [_Figure(Markup(inline_svg(drawn, next(self._numbers))), caption)]
 
 
 def render(results: Results, *, frame_rows: int, megabytes: float) -> str:
@@ -55,33 +66,13 @@ def render(results: Results, *, frame_rows: int, megabytes: float) -> str:
     Raises:
         ConfigurationError: If a picture is damaged.
     """
-    runs = results.runs
-    numbers = count()
+    runs, figures = results.runs, _Figures()
     places = {run.label: f"run-{place}" for place, run in enumerate(runs)}
     gallery = collect(runs, megabytes)
     share = max(1, frame_rows // max(1, len(runs)))
-
-    def figure(drawn: Any, caption: str) -> list[_Figure]:
-        return [] if drawn is None else [_Figure(Markup(inline_svg(drawn, next(numbers))), caption)]
-
-    def section(run: Run) -> dict[str, Any]:
-        curves = figure(history_figure(run.history), "Training curves") if len(run.history) else []
-        tables = [
-            *([protocol_table(run)] if run.scores else []),
-            *([category_table(run)] if len(run.categories) else []),
-            *([frame_table(run, share, lambda name: gallery.places.get((run.label, name)))] if len(run.frames) else []),
-        ]
-        return {
-            "place": places[run.label],
-            "label": run.label,
-            "facts": _facts(run),
-            "figures": [*curves, *figure(frame_distribution(run), "Overlap F of the frames, the worst first")],
-            "tables": tables,
-            "config": OmegaConf.to_yaml(OmegaConf.create(dict(run.config))) if run.config else "",
-        }
-
     swept = {run.label for sweep in results.sweeps for run in sweep.runs.values()}
     single = [run for run in runs if run.label not in swept]
+    cards = gallery.cards
     return (
         _environment()
         .get_template("report.html.j2")
@@ -91,32 +82,51 @@ def render(results: Results, *, frame_rows: int, megabytes: float) -> str:
             headlines=_headlines(runs[0]) if len(runs) == 1 else [],
             overview=overview_table(single, places) if len(single) > 1 else None,
             comparison=category_comparison({run.label: [run] for run in single}),
-            sweeps=[
-                {
-                    "label": sweep.label,
-                    "tables": _sweep_tables(sweep, places),
-                    "figures": [
-                        *figure(_sweep_figure(sweep), "Scores of the sweep, with the standard deviation over seeds"),
-                        *figure(
-                            curve_comparison(settings(sweep)), "Validation overlap F over the epochs, mean over seeds"
-                        ),
-                    ],
-                }
-                for sweep in results.sweeps
-            ],
-            sections=[section(run) for run in runs],
+            sweeps=[_sweep_section(sweep, places, figures) for sweep in results.sweeps],
+            sections=[_run_section(run, places[run.label], gallery, share, figures) for run in runs],
             gallery=gallery,
-            measures={
-                name: title for name, title in MEASURES.items() if any(name in card.scores for card in gallery.cards)
-            },
-            panels=[
-                panel for panel in PANELS if any(p.panel == panel for card in gallery.cards for p in card.pictures)
-            ],
-            gallery_runs=list(dict.fromkeys(card.run for card in gallery.cards)),
-            gallery_datasets=sorted({card.dataset for card in gallery.cards}),
-            grouped=any(card.seen is not None for card in gallery.cards),
+            measures={name: title for name, title in MEASURES.items() if any(name in card.scores for card in cards)},
+            panels=[panel for panel in PANELS if any(p.panel == panel for card in cards for p in card.pictures)],
+            gallery_runs=list(dict.fromkeys(card.run for card in cards)),
+            gallery_datasets=sorted({card.dataset for card in cards}),
+            grouped=any(card.seen is not None for card in cards),
         )
     )
+
+
+def _run_section(run: Run, place: str, gallery: Gallery, frame_rows: int, figures: _Figures) -> dict[str, Any]:
+    """Return what the template shows of a run."""
+    tables = []
+    if run.scores:
+        tables.append(protocol_table(run))
+    if len(run.categories):
+        tables.append(category_table(run))
+    if len(run.frames):
+        tables.append(frame_table(run, frame_rows, lambda name: gallery.places.get((run.label, name))))
+    curves = history_figure(run.history) if len(run.history) else None
+    return {
+        "place": place,
+        "label": run.label,
+        "facts": _facts(run),
+        "figures": [
+            *figures(curves, "Training curves"),
+            *figures(frame_distribution(run), "Overlap F of the frames, the worst first"),
+        ],
+        "tables": tables,
+        "config": OmegaConf.to_yaml(OmegaConf.create(dict(run.config))) if run.config else "",
+    }
+
+
+def _sweep_section(sweep: Sweep, places: Mapping[str, str], figures: _Figures) -> dict[str, Any]:
+    """Return what the template shows of a sweep."""
+    return {
+        "label": sweep.label,
+        "tables": _sweep_tables(sweep, places),
+        "figures": [
+            *figures(_sweep_figure(sweep), "Scores of the sweep, with the standard deviation over seeds"),
+            *figures(curve_comparison(settings(sweep)), "Validation overlap F over the epochs, mean over seeds"),
+        ],
+    }
 
 
 def settings(sweep: Sweep) -> dict[str, list[Run]]:
@@ -142,7 +152,7 @@ def _sweep_figure(sweep: Sweep) -> Any:
 
 
 def _headlines(run: Run) -> Sequence[tuple[str, str]]:
-    return [(score_name(name), f"{100 * run.scores[name]:.1f}") for name in HEADLINES if name in run.scores]
+    return [(score_title(name), f"{100 * run.scores[name]:.1f}") for name in HEADLINES if name in run.scores]
 
 
 def _facts(run: Run) -> list[tuple[str, str]]:

@@ -42,6 +42,7 @@ class GalleryFrame:
         categories: Category of each of the frame's objects, sorted; empty if they are not known.
         seen: How many of the objects are of seen categories; None without a division into seen and unseen.
         unseen: How many are of unseen categories.
+        nodes: What the panel `superpixels` shows: superpixels, or segments of a first stage.
     """
 
     name: str
@@ -49,6 +50,7 @@ class GalleryFrame:
     categories: Sequence[str] = ()
     seen: int | None = None
     unseen: int | None = None
+    nodes: str = "superpixels"
 
 
 def frame_panels(frame: Frame, segmentation: Segmentation) -> dict[str, npt.NDArray[np.uint8]]:
@@ -112,6 +114,7 @@ def write_panels(
         categories,
         seen=known if seen else None,
         unseen=len(categories) - known if seen else None,
+        nodes=segmentation.kind_of_nodes,
     )
 
 
@@ -139,6 +142,7 @@ def write_index(frames: Sequence[GalleryFrame], folder: Path) -> None:
             "categories": list(frame.categories),
             "seen": frame.seen,
             "unseen": frame.unseen,
+            "nodes": frame.nodes,
         }
         for frame in frames
     ]

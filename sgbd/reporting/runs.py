@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
@@ -29,7 +29,7 @@ class Run:
     Attributes:
         label: Its name in the report, unique there.
         folder: Where it lies.
-        scores: As of `sgbd.evaluation.Evaluation`; empty if nothing was scored.
+        scores: As in `sgbd.evaluation.Evaluation`; empty if nothing was scored.
         frames: A row each frame, indexed by name; may be empty.
         categories: A row each category, indexed by name; may be empty.
         history: A row each epoch; empty for an evaluation.
@@ -49,13 +49,7 @@ class Run:
     @property
     def dataset(self) -> str:
         """Name of the dataset that was scored, for people; `unknown` if the configuration was not kept."""
-        dataset = self.config.get("dataset")
-        if not isinstance(dataset, Mapping):
-            return "unknown"
-        name = dataset.get("name")
-        kind = str(dataset.get("_target_", "")).rpartition(".")[2]
-        place = Path(str(dataset.get("root", ""))).name
-        return str(name) if name else " ".join(part for part in (kind, place) if part) or "unknown"
+        return dataset_name(self.config.get("dataset"))
 
     @property
     def split(self) -> str:
@@ -97,6 +91,22 @@ class Results:
     title: str
     runs: Sequence[Run]
     sweeps: Sequence[Sweep]
+
+
+def dataset_name(dataset: Any) -> str:
+    """Return what to call a dataset in a report.
+
+    Args:
+        dataset: Its configuration.
+
+    Returns:
+        Its name if it has one, as those that the program makes; else that of its folder, else that of its reader's
+        class; "unknown" if there is no configuration.
+    """
+    if not isinstance(dataset, Mapping | DictConfig):
+        return "unknown"
+    folder = Path(str(dataset.get("root") or "")).name
+    return str(dataset.get("name") or folder or str(dataset.get("_target_", "")).rpartition(".")[2] or "unknown")
 
 
 def read_results(folder: Path) -> Results:

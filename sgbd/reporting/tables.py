@@ -11,21 +11,9 @@ import pandas as pd
 
 from sgbd.evaluation import score_table
 from sgbd.reporting.runs import Run, Sweep
+from sgbd.score_titles import TITLES, score_title
 from sgbd.sweep import PER_CENT, summarize
 
-NAMES = {
-    "overlap_precision": "overlap P",
-    "overlap_recall": "overlap R",
-    "overlap_f": "overlap F",
-    "overlap_f_measure": "overlap F",
-    "f75": "F@.75",
-    "overlap_detected_share": "F@.75",
-    "boundary_precision": "boundary P",
-    "boundary_recall": "boundary R",
-    "boundary_f": "boundary F",
-    "boundary_f_measure": "boundary F",
-    "hm": "HM",
-}
 FRAME_COLUMNS = {
     "overlap_f_measure": "overlap F",
     "unaided_overlap_f_measure": "unaided F",
@@ -111,19 +99,14 @@ def score(share: float, deviation: float = math.nan, best: bool = False, digits:
     return Cell(shown, value, bar=min(max(value, 0), 100), best=best)
 
 
-def score_name(name: str) -> str:
-    """Return the name of a score for people: `hm/overlap_f` becomes `HM overlap F`."""
-    return " ".join(NAMES.get(part, part.replace("_", " ")) for part in name.split("/"))
-
-
 def protocol_table(run: Run) -> Table:
     """Return a run's scores, a row for each protocol."""
     scores = score_table(dict(run.scores))
     rows = [
-        [text(NAMES.get(str(name), str(name).replace("_", " "))), *(score(value / PER_CENT) for value in row)]
+        [text(score_title(str(name))), *(score(value / PER_CENT) for value in row)]
         for name, row in zip(scores.index, scores.to_numpy().tolist(), strict=True)
     ]
-    return Table("Scores by protocol, per cent", _titles(["protocol"], map(score_name, scores.columns)), rows)
+    return Table("Scores by protocol, per cent", _titles(["protocol"], map(score_title, scores.columns)), rows)
 
 
 def overview_table(runs: Sequence[Run], links: Mapping[str, str]) -> Table:
@@ -146,7 +129,7 @@ def overview_table(runs: Sequence[Run], links: Mapping[str, str]) -> Table:
         for run in runs
     ]
     titles = [("run", False), ("dataset", False), ("split", False), ("frames", True)]
-    return Table("All runs, per cent", [*titles, *((score_name(name), True) for name in names)], rows)
+    return Table("All runs, per cent", [*titles, *((score_title(name), True) for name in names)], rows)
 
 
 def sweep_table(sweep: Sweep) -> Table:
@@ -166,7 +149,7 @@ def sweep_table(sweep: Sweep) -> Table:
     repeated = f"Mean ± sample standard deviation over seeds {', '.join(seeds)}. " if len(seeds) > 1 else ""
     fixed = {key: sweep.jobs[key].iloc[0] for key in sweep.jobs.attrs["overrides"] if key not in overrides}
     common = "All with " + ", ".join(f"{key}={value}" for key, value in fixed.items()) + ". " if fixed else ""
-    titles = [*((key, False) for key in overrides), ("jobs", True), *((score_name(name), True) for name in scores)]
+    titles = [*((key, False) for key in overrides), ("jobs", True), *((score_title(name), True) for name in scores)]
     return Table("Scores of the sweep, per cent", [*titles, ("seconds", True)], rows, f"{repeated}{common}".strip())
 
 
@@ -187,20 +170,20 @@ def jobs_table(sweep: Sweep, links: Mapping[str, str]) -> Table:
         cells = [job, *(_setting(row[key]) for key in overrides), _setting(row["seed"]), text(state)]
         rows.append([*cells, *(score(row[name]) for name in scores), number(row["seconds"])])
     titles = [("job", True), *((key, False) for key in (*overrides, "seed", "state"))]
-    columns = [*titles, *((score_name(name), True) for name in scores), ("seconds", True)]
+    columns = [*titles, *((score_title(name), True) for name in scores), ("seconds", True)]
     return Table("Every job, per cent", columns, rows)
 
 
 def category_table(run: Run) -> Table:
     """Return a run's scores by category."""
-    columns = [name for name in run.categories.columns if name in NAMES]
+    columns = [name for name in run.categories.columns if name in TITLES]
     has_groups = "seen" in run.categories
     rows = []
     for row in run.categories.reset_index().to_dict("records"):
         cells = [text(row["category"])] + ([text("seen" if row["seen"] else "unseen")] if has_groups else [])
         rows.append([*cells, number(row["frames"]), *(score(row[name]) for name in columns)])
     titles = [("category", False), *([("group", False)] if has_groups else []), ("frames", True)]
-    return Table("Scores by category, per cent", [*titles, *((NAMES[name], True) for name in columns)], rows)
+    return Table("Scores by category, per cent", [*titles, *((TITLES[name], True) for name in columns)], rows)
 
 
 def category_comparison(runs: Mapping[str, Sequence[Run]]) -> Table | None:

@@ -89,7 +89,7 @@ class Augmented(FrameSource):
         return self.source.files(index // (self.copies + 1))
 
     def read(self, index: int) -> Frame:
-        """Read a frame, and change it if it is a copy; errors as of the dataset's own `read`."""
+        """Read a frame, and change it if it is a copy; errors as for the dataset's own `read`."""
         original, number = divmod(index, self.copies + 1)
         frame = self.source.read(original)
         if number == 0:

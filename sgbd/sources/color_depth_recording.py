@@ -12,17 +12,17 @@ from typing import Any
 from sgbd.frame import MILLIMETERS, Frame, Intrinsics
 from sgbd.sources.camera import intrinsics_from, intrinsics_option
 from sgbd.sources.camera_file import CAMERA_FILES, CameraFile, find_camera_file, read_camera_file
-from sgbd.sources.dataset_folder import DatasetFolder
 from sgbd.sources.errors import FrameReadError
 from sgbd.sources.image import IMAGE_SUFFIXES, checked_depth_scale, read_depth, read_rgb
 from sgbd.sources.notices import info_once
+from sgbd.sources.recording import Recording
 
 log = logging.getLogger(__name__)
 
 _NUMBER = re.compile(r"(\d+)\D*$")
 
 
-class ColorDepthRecording(DatasetFolder):
+class ColorDepthRecording(Recording):
     """A folder with the sequences `color` and `depth`, and the camera if the program has written it.
 
     The two images of a frame have the same number, the last one in their names: `color/000012.jpg` and
@@ -54,7 +54,6 @@ root/
         intrinsics: Intrinsics | Mapping[str, Any] | None = None,
         depth_scale: float | None = None,
     ) -> None:
-        self.split = "test"
         self.root = Path(root).expanduser()
         self._given_intrinsics = intrinsics_from(intrinsics)
         self._given_depth_scale = None if depth_scale is None else checked_depth_scale(depth_scale)
@@ -65,16 +64,6 @@ root/
         root = Path(root)
         colors = (root / "color").is_dir() or ((root / "rgb").is_dir() and find_camera_file(root) is not None)
         return colors and (root / "depth").is_dir()
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Name of each colour image without its suffix, in the order of the numbers."""
-        return tuple(self._frames)
-
-    @property
-    def splits(self) -> tuple[str, ...]:
-        """The one split, "test"."""
-        return ("test",)
 
     @cached_property
     def camera_file(self) -> CameraFile | None:
@@ -92,10 +81,6 @@ root/
         """Metres of one unit of the depth images: as given, or of the camera's file, or a millimetre."""
         stated = self.camera_file.depth_scale if self.camera_file else None
         return self._given_depth_scale or stated or MILLIMETERS
-
-    def files(self, index: int) -> tuple[Path, ...]:
-        """Return the colour and the depth image of a frame."""
-        return self._files[index]
 
     def options(self) -> Mapping[str, Any]:
         """Return the options that change what is read."""
@@ -123,10 +108,6 @@ root/
                 f"{camera.size[1]}. State the camera of these images: intrinsics='{{fx: …, fy: …, cx: …, cy: …}}'.",
             )
         return Frame(rgb, read_depth(depth_path, self.depth_scale), self.intrinsics, name=self.names[index])
-
-    @cached_property
-    def _files(self) -> tuple[tuple[Path, Path], ...]:
-        return tuple(self._frames.values())
 
     @cached_property
     def _frames(self) -> dict[str, tuple[Path, Path]]:

@@ -123,7 +123,7 @@ def read_instances(path: str | Path, rule: LabelRule) -> npt.NDArray[np.int32]:
     """Read a label image by a rule.
 
     Args:
-        path: File as of `sgbd.sources.image.read_labels`.
+        path: A file for `sgbd.sources.image.read_labels`.
         rule: What its labels mean.
 
     Returns:

@@ -12,7 +12,7 @@ def info_once(logger: logging.Logger, message: str, *values: object) -> None:
 
     Args:
         logger: Where to.
-        message: As of `logging.Logger.info`.
+        message: As in `logging.Logger.info`.
         values: Put into the message.
     """
     text = message % values

@@ -13,11 +13,11 @@ import numpy as np
 
 from sgbd.frame import Frame, Intrinsics
 from sgbd.sources.camera import intrinsics_from, intrinsics_option
-from sgbd.sources.dataset_folder import DatasetFolder
 from sgbd.sources.errors import FrameReadError
 from sgbd.sources.image import checked_depth_scale, read_depth, read_rgb
 from sgbd.sources.mosd import KINECT
 from sgbd.sources.notices import info_once
+from sgbd.sources.recording import Recording
 from sgbd.sources.time_association import associate
 
 log = logging.getLogger(__name__)
@@ -37,7 +37,7 @@ class _Listed(NamedTuple):
     path: Path
 
 
-class TumRecording(DatasetFolder):
+class TumRecording(Recording):
     """A recording of the TUM RGB-D benchmark, or of a program that writes its layout.
 
     `rgb.txt` and `depth.txt` list `timestamp filename`, one image a line, with # before comments. The two cameras run
@@ -79,7 +79,6 @@ or associations.txt with timestamp filename timestamp filename instead of the tw
     ) -> None:
         if not tolerance >= 0:
             raise ValueError(f"the tolerance of time differences must be 0 or more, in seconds; got {tolerance}")
-        self.split = "test"
         self.root = Path(root).expanduser()
         self.intrinsics = intrinsics_from(intrinsics)
         self.depth_scale = checked_depth_scale(depth_scale)
@@ -89,20 +88,6 @@ or associations.txt with timestamp filename timestamp filename instead of the tw
     def recognizes(root: str | Path) -> bool:
         """Tell whether a folder has one of the layout's lists."""
         return any((Path(root) / name).is_file() for name in (*LISTS, *ASSOCIATIONS))
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Name of each colour image without its suffix, in the order of time."""
-        return tuple(self._frames)
-
-    @property
-    def splits(self) -> tuple[str, ...]:
-        """The one split, "test"."""
-        return ("test",)
-
-    def files(self, index: int) -> tuple[Path, ...]:
-        """Return the colour and the depth image of a frame."""
-        return self._files[index]
 
     def options(self) -> Mapping[str, Any]:
         """Return the options that change what is read."""
@@ -123,10 +108,6 @@ or associations.txt with timestamp filename timestamp filename instead of the tw
         rgb = read_rgb(rgb_path)
         camera = self.intrinsics or (KINECT if rgb.shape[:2] == (480, 640) else None)
         return Frame(rgb, read_depth(depth_path, self.depth_scale), camera, name=self.names[index])
-
-    @cached_property
-    def _files(self) -> tuple[tuple[Path, Path], ...]:
-        return tuple(self._frames.values())
 
     @cached_property
     def _frames(self) -> dict[str, tuple[Path, Path]]:
@@ -155,7 +136,7 @@ or associations.txt with timestamp filename timestamp filename instead of the tw
             pairs = _read_associations(associated)
             if not pairs:
                 raise FrameReadError(associated, "no image is listed in it")
-            info_once(log, "%s: a recording as of TUM RGB-D, %d frames in %s", self.root, len(pairs), associated.name)
+            info_once(log, "%s: a TUM RGB-D recording, %d frames in %s", self.root, len(pairs), associated.name)
             return pairs
         for path in lists:
             if not path.is_file():
@@ -177,7 +158,7 @@ or associations.txt with timestamp filename timestamp filename instead of the tw
             )
         info_once(
             log,
-            "%s: a recording as of TUM RGB-D (rgb.txt, depth.txt); %d frames of colour and depth at most %g ms apart; "
+            "%s: a TUM RGB-D recording (rgb.txt, depth.txt); %d frames of colour and depth at most %g ms apart; "
             "%d of %d colour and %d of %d depth images have no partner and are left out (option: time_tolerance)",
             self.root, chosen.size, self.tolerance * 1000,
             len(colors) - chosen.size, len(colors), len(depths) - chosen.size, len(depths),

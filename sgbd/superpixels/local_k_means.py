@@ -80,6 +80,12 @@ class Cells:
         step = float((height * width / (rows * columns)) ** 0.5)
         return cls(tops, lefts, step, near.reshape(rows * columns, 9).astype(np.int32))
 
+    @property
+    def centers(self) -> npt.NDArray[np.float64]:
+        """Row and column of the middle of each cell, float64 [cells, 2], pixels."""
+        rows, columns = ((edges[:-1] + edges[1:] - 1) / 2 for edges in (self.tops, self.lefts))
+        return np.stack([np.repeat(rows, len(columns)), np.tile(columns, len(rows))], axis=1)
+
     def __len__(self) -> int:
         return len(self.near)
 
@@ -143,8 +149,7 @@ def cluster(planes: Planes, cells: Cells, weighted: bool, iterations: int, subsa
     _pick(planes.reshape(3, -1), samples.pixels, values)
     # A centre without features stays where it started. That its second plane is 0 tells _expand that it knows no depth.
     centers = np.zeros((len(cells), CENTER), np.float32)
-    centers[:, ROW] = np.repeat((cells.tops[:-1] + cells.tops[1:] - 1) / 2, len(cells.lefts) - 1)
-    centers[:, COLUMN] = np.tile((cells.lefts[:-1] + cells.lefts[1:] - 1) / 2, len(cells.tops) - 1)
+    centers[:, ROW:] = cells.centers
     forms = np.empty((len(cells), FORM), np.float32)
     labels = np.repeat(np.arange(len(cells), dtype=np.int32), np.diff(samples.offsets))
     sums = np.empty((len(cells), CENTER + 1))
@@ -214,18 +219,21 @@ def _expand(centers, scale, weighted, forms):  # type: ignore[no-untyped-def]
             form[CONSTANT] += first * first + second * second + third * third
 
 
-def work_space(cells: Cells) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.int32]]:
+def work_space(
+    cells: Cells, channels: int = CENTER
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.int32]]:
     """Allocate what one thread needs in `assign`.
 
     Args:
         cells: The cells of the image.
+        channels: Numbers C that a pixel is compared by, its place included.
 
     Returns:
-        For a batch of pixels of one cell, of at least one row of the widest, what they are compared by, float32 [5, B],
+        For a batch of pixels of one cell, of at least one row of the widest, what they are compared by, float32 [C, B],
         their distances, float32 [9, B], and what they are labelled, int32 [B].
     """
     batch = max(BATCH, int(np.diff(cells.lefts).max()))
-    return np.empty((CENTER, batch), np.float32), np.empty((9, batch), np.float32), np.empty(batch, np.int32)
+    return np.empty((channels, batch), np.float32), np.empty((9, batch), np.float32), np.empty(batch, np.int32)
 
 
 @compiled

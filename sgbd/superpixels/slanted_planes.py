@@ -24,7 +24,8 @@ import numpy.typing as npt
 
 from sgbd.compiled import compiled
 from sgbd.side_by_side import bands, side_by_side
-from sgbd.superpixels.local_k_means import BATCH, Cells, Samples, gather, least_of_nine, scatter
+from sgbd.superpixels import local_k_means
+from sgbd.superpixels.local_k_means import Cells, Samples, gather, least_of_nine, scatter
 
 DISPARITY, ROW, COLUMN = 3, 4, 5
 """What a pixel is compared by: L, a, b, the inverse depth (0 = missing), and its place."""
@@ -105,9 +106,7 @@ def cluster(
     values = np.empty((PLANES + 2, len(samples.pixels)), np.float32)
     values[ROW:] = samples.positions
     labels = np.repeat(np.arange(len(cells), dtype=np.int32), np.diff(offsets))
-    places = np.empty((len(cells), 2))
-    places[:, 0] = np.repeat((cells.tops[:-1] + cells.tops[1:] - 1) / 2, columns)
-    places[:, 1] = np.tile((cells.lefts[:-1] + cells.lefts[1:] - 1) / 2, rows)
+    places = cells.centers
     forms = np.zeros((len(cells), FORM), np.float32)
     sums = np.empty((len(cells), _SUMS))
     widest = max(1, int(np.diff(offsets).max()))
@@ -260,8 +259,7 @@ def plane_fit(sums, squares):  # type: ignore[no-untyped-def]
 
 def work_space(cells: Cells) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.int32]]:
     """Allocate what one thread needs in `assign`: values float32 [6, B], distances float32 [9, B], labels int32 [B]."""
-    batch = max(BATCH, int(np.diff(cells.lefts).max()))
-    return np.empty((PLANES + 2, batch), np.float32), np.empty((9, batch), np.float32), np.empty(batch, np.int32)
+    return local_k_means.work_space(cells, PLANES + 2)
 
 
 @compiled

@@ -184,6 +184,6 @@ class FastSlic(Slic):
 def say_that_numba_is_missing() -> None:
     """Say once a process why over-segmentation is slow."""
     logger.warning(
-        "numba is not installed: superpixels come from scikit-image's SLIC, which takes some twenty times as long. "
-        "Install it with 'pip install numba'."
+        "numba is not installed: superpixels come from scikit-image's SLIC, which takes some twenty times as long and "
+        "draws others than those that models were trained on. Install it with 'pip install numba'."
     )

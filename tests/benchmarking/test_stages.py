@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sgbd.benchmarking.checkpoints import configured_checkpoint, segmenter
+from sgbd.benchmarking.checkpoints import configured_segmenter
 from sgbd.benchmarking.frames import made_up_scene
 from sgbd.benchmarking.stages import (
     AFTER_SUPERPIXELS,
@@ -26,7 +26,7 @@ from tests.benchmarking.configured import small_benchmark
 def test_the_stages_are_what_the_segmenter_does(overrides):
     raw, stopwatch = made_up_scene(64, 48, 0), Stopwatch()
     with small_benchmark(*overrides) as config:
-        chosen = segmenter(configured_checkpoint(config, 16), config)
+        chosen = configured_segmenter(config, 16)
     result = segment_in_stages(chosen, raw, stopwatch)
     expected = chosen.segment(raw.rgb, raw.depth, raw.intrinsics)
     for name in ("instances", "scores", "objectness", "superpixels", "edge_index", "edge_probability"):
@@ -36,7 +36,7 @@ def test_the_stages_are_what_the_segmenter_does(overrides):
 
 def test_rows_hold_every_stage_its_parts_below_it_and_consistent_sums():
     with small_benchmark() as config:
-        chosen = segmenter(configured_checkpoint(config, 16), config)
+        chosen = configured_segmenter(config, 16)
     stopwatch = measure_stages(chosen, [made_up_scene(64, 48, seed) for seed in range(2)], range(5))
     rows = {row["stage"]: row for row in stage_rows(stopwatch)}
     parts = [f"- {part}" for part in (*SUPERPIXEL_PARTS, *GRAPH_PARTS)]

@@ -49,6 +49,13 @@ def test_objects_without_a_category_have_no_score():
     assert math.isnan(frame.scores["can"].boundary_f_measure)
 
 
+def test_without_categories_contours_are_not_looked_at():
+    table = ContingencyTable.from_label_maps(PREDICTION, TRUTH)
+    with_contours, without = category_scores(table, {}, PREDICTION, TRUTH), category_scores(table, {})
+    assert with_contours == without
+    assert (without.predicted, without.detected, without.objects) == (3, 2, 3)
+
+
 def test_no_objects():
     table = ContingencyTable.from_label_maps(np.array([[0, 2]]), np.array([[0, 1]]))
     frame = category_scores(table, {})

@@ -8,7 +8,7 @@ from torch import Tensor
 from torch_geometric.data import Data
 
 from sgbd.compiled import HAS_NUMBA
-from sgbd.models import GatedGCN, SymmetricGCN, in_evaluation
+from sgbd.models import GatedGCN, SymmetricGCN, gated_messages, in_evaluation
 from tests.graph_samples import graph_of_pairs, grid_graph
 
 pytestmark = pytest.mark.skipif(not HAS_NUMBA, reason="numba is not installed: there is no compiled pass to test")
@@ -31,6 +31,7 @@ def _both_ways(model: Model, data: Data, monkeypatch: pytest.MonkeyPatch) -> tup
         compiled = model(data)
         with monkeypatch.context() as patch:
             patch.setattr(in_evaluation, "HAS_NUMBA", False)
+            patch.setattr(gated_messages, "HAS_NUMBA", False)
             plain = model(data)
     return compiled, plain
 

@@ -18,6 +18,7 @@ def test_cards_hold_pictures_scores_and_groups(tmp_path: Path) -> None:
     gallery = collect([run], megabytes=1)
     first, second = gallery.cards
     assert [picture.panel for picture in first.pictures] == list(PANELS)
+    assert [picture.title for picture in first.pictures] == list(PANELS)
     kind, _, content = first.pictures[0].data.partition(";base64,")
     assert kind == "data:image/webp"
     with Image.open(io.BytesIO(base64.b64decode(content))) as picture:
@@ -25,6 +26,15 @@ def test_cards_hold_pictures_scores_and_groups(tmp_path: Path) -> None:
     assert first.scores == {"overlap_f_measure": 50.0, "unaided_overlap_f_measure": 25.0}
     assert (first.seen, first.unseen, second.seen, second.unseen) == (True, True, False, True)
     assert gallery.places == {("one", "a"): first.identity, ("one", "b"): second.identity}
+
+
+def test_segments_of_a_first_stage_are_told_from_superpixels(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "one", {"a": 0.5}, pictures=True)
+    index = run / "gallery" / "index.json"
+    index.write_text(index.read_text().replace('"nodes": "superpixels"', '"nodes": "segments of the first stage"'))
+    (card,) = collect([read_run(run, "one")], megabytes=1).cards
+    assert [picture.panel for picture in card.pictures] == list(PANELS)
+    assert [picture.title for picture in card.pictures][1] == "segments of the first stage"
 
 
 def test_a_small_page_shows_fewer_frames_from_worst_to_best(tmp_path: Path) -> None:

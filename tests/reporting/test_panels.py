@@ -52,6 +52,14 @@ def test_files_of_a_gallery_and_its_index(tmp_path: Path) -> None:
     assert read_index(tmp_path) == [entry]
 
 
+def test_segments_of_a_first_stage_are_not_called_superpixels(tmp_path: Path) -> None:
+    frame = scene(0)
+    entry = write_panels(frame, replace(halves(frame, 0.5), from_first_stage=True), SEEN, tmp_path, "a")
+    assert (entry.nodes, entry.panels["superpixels"]) == ("segments of the first stage", "a/superpixels.webp")
+    write_index([entry], tmp_path)
+    assert read_index(tmp_path) == [entry]
+
+
 def test_without_a_division_nothing_is_seen_or_unseen(tmp_path: Path) -> None:
     entry = write_panels(scene(0), halves(scene(0), 0.5), frozenset(), tmp_path, "a")
     assert (entry.seen, entry.unseen) == (None, None)

@@ -22,7 +22,7 @@ def test_a_run_with_all_its_files(tmp_path: Path) -> None:
 def test_the_name_of_a_dataset(tmp_path: Path) -> None:
     run = write_run(tmp_path / "one", {"a": 0.5})
     (run / "config.yaml").write_text("dataset: {_target_: sgbd.sources.Folder, root: /data/mine}\nsplit: val\n")
-    assert (read_run(run, "x").dataset, read_run(run, "x").split) == ("Folder mine", "val")
+    assert (read_run(run, "x").dataset, read_run(run, "x").split) == ("mine", "val")
     (run / "config.yaml").unlink()
     assert read_run(run, "x").dataset == "unknown"
 

@@ -115,7 +115,7 @@ function view(figure) {
   const picture = figure.querySelector("img");
   image.src = picture.src;
   image.alt = picture.alt;
-  document.getElementById("viewer-title").textContent = `${card.dataset.name} · ${figure.dataset.panel}`;
+  document.getElementById("viewer-title").textContent = `${card.dataset.name} · ${figure.querySelector("figcaption").textContent}`;
   const buttons = figuresOf(card).map((each) => {
     const button = document.createElement("button");
     button.type = "button";

@@ -117,7 +117,7 @@ def write_scene(root: Path, recipe: Recipe, split: str, number: int) -> Path:
         names = [shape.category for shape in arrangement.shapes]
         category_of = np.zeros(256, dtype=np.uint8)
         category_of[1] = TABLE_CATEGORY
-        # Packaging has no category.
+        # Packaging and made-up things have no category.
         category_of[2 : 2 + len(names)] = [
             TOD_CATEGORIES.index(name) + 1 if name in TOD_CATEGORIES else 0 for name in names
         ]

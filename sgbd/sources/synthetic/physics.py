@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
+from sgbd.sources.synthetic.log_uniform import log_uniform
 from sgbd.sources.synthetic.shapes.part import Shape, Solid
 from sgbd.sources.synthetic.table import Table
 from sgbd.sources.synthetic.variety import VARIETIES, Variety
@@ -110,7 +111,7 @@ def drop_poses(
     """
     footprint = sum(float(np.prod(np.sort(shape.extents)[1:])) for shape in shapes)
     low, high = variety.spread
-    spread = np.exp(rng.uniform(np.log(low), np.log(high))) if variety.log_spread else rng.uniform(low, high)
+    spread = log_uniform(rng, low, high) if variety.log_spread else rng.uniform(low, high)
     reach = min(0.38 * min(table.size), 0.5 * np.sqrt(footprint) * spread)
     center = rng.uniform(-0.06, 0.06, 2) * np.asarray(table.size)
     placed: list[tuple[Floats, Floats]] = []

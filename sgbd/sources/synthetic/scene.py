@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from sgbd.frame import SUPPORT, Intrinsics
 from sgbd.sources.synthetic import colors, sensor
+from sgbd.sources.synthetic.log_uniform import log_uniform
 from sgbd.sources.synthetic.physics import Pose, UnstableSimulationError, settle
 from sgbd.sources.synthetic.render import Camera, Light, Rendering, Scene
 from sgbd.sources.synthetic.room import Placed, Room, random_room
@@ -182,7 +183,7 @@ def _look(sensor_name: str, rng: np.random.Generator) -> _Look:
         blur=rng.uniform(0.6, 1.0) if real else 0.5,
         noise=rng.uniform(2.0, 5.0) if real else 0.0,
         tint=tint.astype(np.float32),
-        middle=float(np.exp(rng.uniform(np.log(0.12), np.log(0.32)))),
+        middle=log_uniform(rng, 0.12, 0.32),
     )
 
 

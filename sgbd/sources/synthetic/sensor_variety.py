@@ -7,6 +7,7 @@ import numpy.typing as npt
 from scipy.ndimage import gaussian_filter, median_filter
 
 from sgbd.frame import SUPPORT
+from sgbd.sources.synthetic.log_uniform import log_uniform
 from sgbd.sources.synthetic.render import Rendering
 from sgbd.sources.synthetic.sensor import StructuredLight, depth_edges, shadow
 
@@ -58,7 +59,7 @@ def _structured_light(rng: np.random.Generator) -> StructuredLight:
         steps=8,
         farthest=float(rng.uniform(3.0, 8.0)),
         jitter=float(rng.uniform(0.2, 1.2)),
-        noise=float(np.exp(rng.uniform(np.log(0.02), np.log(0.12)))),
+        noise=log_uniform(rng, 0.02, 0.12),
         grazing=float(rng.uniform(0.1, 0.35)),
         edge_loss=float(rng.uniform(0.05, 0.6)),
     )
@@ -78,7 +79,7 @@ def _stereo(rendering: Rendering, focal: float, rng: np.random.Generator) -> Flo
     for size in (1.0, 4.0):
         grain = gaussian_filter(rng.standard_normal(shape, dtype=np.float32), size)
         noise += grain * np.float32(2 * np.sqrt(np.pi) * size / np.sqrt(2))
-    disparity += noise * np.float32(np.exp(rng.uniform(np.log(0.01), np.log(0.08))))
+    disparity += noise * np.float32(log_uniform(rng, 0.01, 0.08))
     with np.errstate(divide="ignore"):
         measured = np.where(disparity > 0.5, np.float32(scale) / disparity, 0).astype(np.float32)
     lost = shadow(depth, scale) if rng.random() < 0.7 else np.zeros(shape, bool)

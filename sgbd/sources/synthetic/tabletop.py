@@ -44,7 +44,7 @@ class Tabletop(Tod):
         name: What the dataset's folder begins with.
         train_categories: What the objects of training and validation frames are drawn from; None for TOD-Z's 12 seen
             categories.
-        min_objects, min_object_pixels, seen, unseen_objects, max_train_frames, subset_seed: As of `sgbd.sources.Tod`:
+        min_objects, min_object_pixels, seen, unseen_objects, max_train_frames, subset_seed: As in `sgbd.sources.Tod`:
             they choose among the frames, and make none.
 
     Raises:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sgbd.sources.synthetic import colors, finishes, prints
+from sgbd.sources.synthetic.log_uniform import log_uniform
 from sgbd.sources.synthetic.meshes import box, lathe
 from sgbd.sources.synthetic.shapes.part import Part, Shape, assemble, solid_box, solid_cylinder
 from sgbd.sources.synthetic.textures import Plain, Printed, Texture
@@ -12,9 +13,9 @@ from sgbd.sources.synthetic.textures import Plain, Printed, Texture
 
 def carton(rng: np.random.Generator) -> Shape:
     """A cardboard box or a book: from a flat sheet of a box to a cube, each face printed, plain or patterned."""
-    height = float(np.exp(rng.uniform(np.log(0.07), np.log(0.32))))
+    height = log_uniform(rng, 0.07, 0.32)
     width = height * rng.uniform(0.45, 1.0)
-    depth = float(np.exp(rng.uniform(np.log(0.02), np.log(min(width, 0.14)))))
+    depth = log_uniform(rng, 0.02, min(width, 0.14))
     texture: Texture = Plain(colors.any_color(rng), 0.03, 0.02, finishes.seed_of(rng), gloss=rng.uniform(0, 0.3))
     if rng.random() < 0.8:
         front, side = prints.label(rng, 192, 256), prints.label(rng, 96, 256)
@@ -35,7 +36,7 @@ def carton(rng: np.random.Generator) -> Shape:
 def roll(rng: np.random.Generator) -> Shape:
     """A cylinder with flat ends: a tin of biscuits, a tube of crisps, a roll of tape without its hole."""
     radius = rng.uniform(0.025, 0.11)
-    height = float(np.exp(rng.uniform(np.log(0.03), np.log(0.24))))
+    height = log_uniform(rng, 0.03, 0.24)
     base: Texture = finishes.plastic(rng) if rng.random() < 0.6 else finishes.metallic(rng)
     if rng.random() < 0.75:
         base = finishes.wrapped(rng, 0.0, height, base)

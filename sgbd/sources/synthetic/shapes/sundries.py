@@ -12,6 +12,7 @@ import numpy as np
 import trimesh
 
 from sgbd.sources.synthetic import finishes, prints
+from sgbd.sources.synthetic.log_uniform import log_uniform
 from sgbd.sources.synthetic.meshes import (
     Points,
     block,
@@ -40,9 +41,9 @@ from sgbd.sources.synthetic.textures import Printed, Texture
 
 def binder(rng: np.random.Generator) -> Shape:
     """Two leaves joined along one side, from nearly closed to flat open; something may lie on the inside of each."""
-    width = _log_uniform(rng, 0.1, 0.36)
+    width = log_uniform(rng, 0.1, 0.36)
     depths = width * rng.uniform(0.55, 1.4) * np.array([1.0, rng.choice([1.0, rng.uniform(0.5, 1.0)])])
-    thick = np.array([_log_uniform(rng, 0.005, 0.035) for _ in range(2)])
+    thick = np.array([log_uniform(rng, 0.005, 0.035) for _ in range(2)])
     opening = rng.uniform(0.5, np.pi)
     turn = rotation("x", -opening)
     hinge = np.array([0.0, depths[0] / 2, thick[0]])
@@ -67,7 +68,7 @@ def binder(rng: np.random.Generator) -> Shape:
 def stand(rng: np.random.Generator) -> Shape:
     """Something held up by a stem on a foot: a lamp, a sign, a trophy, a toy."""
     reach, low = rng.uniform(0.035, 0.11), rng.uniform(0.006, 0.03)
-    stem, rise = rng.uniform(0.004, 0.022), _log_uniform(rng, 0.015, 0.2)
+    stem, rise = rng.uniform(0.004, 0.022), log_uniform(rng, 0.015, 0.2)
     foot_finish = surface(rng)
     stem_finish = foot_finish if rng.random() < 0.5 else surface(rng)
     head_finish = foot_finish if rng.random() < 0.25 else surface(rng)
@@ -83,7 +84,7 @@ def stand(rng: np.random.Generator) -> Shape:
     solids.append(solid_cylinder(stem, rise, (0, 0, low + rise / 2)))
     top = low + rise
     if rng.random() < 0.5:
-        size = np.array([_log_uniform(rng, 0.08, 0.36), rng.uniform(0.008, 0.04), _log_uniform(rng, 0.06, 0.24)])
+        size = np.array([log_uniform(rng, 0.08, 0.36), rng.uniform(0.008, 0.04), log_uniform(rng, 0.06, 0.24)])
         tilt = rotation("x", rng.uniform(-0.4, 0.4))
         middle = np.array([0, 0, top + 0.42 * size[2]])
         parts.append(Part("head", moved(box(size, (0, 0, 0), 0.002), tilt, middle), head_finish))
@@ -101,7 +102,7 @@ def stand(rng: np.random.Generator) -> Shape:
 
 def tool(rng: np.random.Generator) -> Shape:
     """A handle, a thin shaft and perhaps a head, in a row: a hammer, a brush, a torch, a spoon without its bowl."""
-    length = _log_uniform(rng, 0.1, 0.34)
+    length = log_uniform(rng, 0.1, 0.34)
     grip = length * rng.uniform(0.25, 0.6)
     thick = rng.uniform(0.006, 0.018)
     flat = rng.uniform(0.4, 1.0)
@@ -137,7 +138,7 @@ def tool(rng: np.random.Generator) -> Shape:
 
 def assembly(rng: np.random.Generator) -> Shape:
     """Two to four convex bodies on and beside each other: an appliance, a toy, a building set."""
-    size = np.clip(_log_uniform(rng, 0.06, 0.2) * np.exp(rng.normal(0, 0.35, 3)), 0.02, 0.3)
+    size = np.clip(log_uniform(rng, 0.06, 0.2) * np.exp(rng.normal(0, 0.35, 3)), 0.02, 0.3)
     finish = surface(rng)
     body, solid = convex(rng, size, np.zeros(3))
     parts, solids = [Part("body", body, finish)], [solid]
@@ -160,8 +161,8 @@ def assembly(rng: np.random.Generator) -> Shape:
 def tray(rng: np.random.Generator) -> Shape:
     """An open vessel with four to eight flat walls, which other things fall into: a tray, a crate, an open box."""
     sides = int(rng.choice([4, 4, 4, 5, 6, 8]))
-    radius = _log_uniform(rng, 0.06, 0.2)
-    height = _log_uniform(rng, 0.02, 0.16)
+    radius = log_uniform(rng, 0.06, 0.2)
+    height = log_uniform(rng, 0.02, 0.16)
     wall, floor = rng.uniform(0.003, 0.012), rng.uniform(0.003, 0.01)
     flare, stretch = rng.uniform(1.0, 1.35), rng.uniform(0.55, 1.0)
     angles = 2 * np.pi * (np.arange(sides + 1) + 0.5) / sides
@@ -221,10 +222,6 @@ def surface(rng: np.random.Generator) -> Texture:
     base: Texture = makers[int(rng.integers(len(makers)))](rng)
     if rng.random() < 0.33:
         picture = prints.pattern(rng, 96, 96) if rng.random() < 0.5 else prints.label(rng, 192, 128)
-        half = _log_uniform(rng, 0.03, 0.15)
+        half = log_uniform(rng, 0.03, 0.15)
         base = Printed(picture, base, "box", (-half, -half), (half, half), gloss=base.gloss)
     return base
-
-
-def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
