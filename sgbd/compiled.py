@@ -3,6 +3,11 @@
 The functions that NumPy can't express without temporary arrays are written as plain loops and decorated with
 `compiled`. With Numba they become machine code that releases the interpreter lock; without it the same source runs
 as Python, slowly but with the same result.
+
+Compiling takes most of the first frame's time on a machine, so the functions are written to need little of it: the
+caller allocates arrays, numbers that pass from function to function are of one type (``np.int64(0)``, where a literal 0
+would be a type of its own, and a function that meets it compiled twice), and rows are sliced once instead of indexed
+again and again.
 """
 
 from __future__ import annotations
@@ -56,6 +61,7 @@ def compiled(function: Function | None = None, /, **options: Any) -> Function | 
 def _compile(function: Function, options: dict[str, Any]) -> Function:
     if numba is None:
         return function
+    # Nothing calls the functions from C, and an entry for it is compiled with each.
     options = {"cache": True, "nogil": True, "no_cfunc_wrapper": True, **options}
     try:
         return numba.njit(**options)(function)

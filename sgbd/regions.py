@@ -125,12 +125,12 @@ def _borders(
     label_map: LabelMap, rgb: npt.NDArray[np.uint8], depth: npt.NDArray[np.float32], count: int
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
     limit = BORDERS_PER_REGION * count
-    steps = np.empty((2, label_map.shape[1]), np.int64)
+    right, down = np.empty((2, label_map.shape[1]), np.int64)
     while True:
         # At most half full.
         table = np.full(max(16, 1 << (2 * limit - 1).bit_length()), -1)
         keys, sums = np.empty(limit, np.int64), np.zeros((limit, BORDER_SUMS))
-        used = _sum_borders(label_map, rgb, depth, count, *steps, table, keys, sums)
+        used = _sum_borders(label_map, rgb, depth, count, right, down, table, keys, sums)
         if used <= limit:
             return keys[:used].copy(), sums[:used].copy()
         limit *= 4

@@ -79,12 +79,13 @@ def agglomerate(
     strength = total / share if linkage == "mean" else total.copy()
     num_edges = len(total)
     parent = np.arange(num_nodes)
-    links, ends = np.full((3, num_nodes), -1), np.full((2, 2 * num_edges), -1)
+    head, tail, edge_to = np.full((3, num_nodes), -1)
+    end, following = np.full((2, 2 * num_edges), -1)
     alive, forbidden = np.ones(num_edges, dtype=np.bool_), np.zeros(num_edges, dtype=np.bool_)
     heap_key, heap_edge = np.empty(2 * num_edges), np.empty(2 * num_edges, dtype=np.int64)
     _contract(
         first, second, total, share, strength, _CODES[linkage], cannot_link,
-        parent, np.zeros_like(parent), *links, *ends, alive, forbidden, heap_key, heap_edge,
+        parent, np.zeros_like(parent), head, tail, edge_to, end, following, alive, forbidden, heap_key, heap_edge,
     )  # fmt: skip
     return number_by_first_appearance(parent)
 
@@ -147,7 +148,7 @@ def _contract(
         tail[node] = half
         degree[node] += 1
 
-    size = np.int64(0)
+    size: int = np.int64(0)  # type: ignore[assignment]  # see sgbd.compiled
     for edge in range(num_edges):
         if cannot_link or strength[edge] > 0:
             size = push(heap_key, heap_edge, size, abs(strength[edge]), edge)

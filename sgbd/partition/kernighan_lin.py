@@ -169,7 +169,7 @@ def _improve(
     """Move superpixels between the segments a and b (which may be empty), or join them; says whether it gained."""
     # What it gains to move a superpixel: the weights to the other segment less those to its own.
     between = 0.0
-    size = np.int64(0)
+    size: int = np.int64(0)  # type: ignore[assignment]  # see sgbd.compiled
     for side in range(2):
         here, there = (a, b) if side == 0 else (b, a)
         node = head[here]

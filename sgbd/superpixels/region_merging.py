@@ -67,10 +67,12 @@ def merge_alike(
         threads,
     )
     parents, heap = np.arange(count), np.arange(edges)
-    heads, met, links = np.full(count, -1), np.full(count, -1), np.full((2, 2 * edges), -1)
+    met, heads = np.full((2, count), -1)
+    after, before = np.full((2, 2 * edges), -1)
     _merge(
         sums, ends, n_segments, tolerance, min_size,
-        parents, met, heads, *links, np.empty((count, 4)), np.empty(_SUMS - _DEPTH), np.empty(edges), heap, heap.copy(),
+        parents, met, heads, after, before, np.empty((count, 4)), np.empty(_SUMS - _DEPTH), np.empty(edges), heap,
+        heap.copy(),
     )  # fmt: skip
     # A root is the first of its group in raster order.
     roots = np.flatnonzero(parents == np.arange(count))

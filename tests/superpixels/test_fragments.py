@@ -30,6 +30,14 @@ def test_merging_is_that_of_merge_fragments(
     assert connected_superpixels(*pair, min_size).tolist() == expected.tolist()
 
 
+@pytest.mark.parametrize("min_size", [1, 6])
+def test_room_grows_with_the_pieces(min_size: int) -> None:
+    # A piece for each pixel: four times as many as there is room for at first.
+    board = (np.indices((64, 4 * fragments.FEW_PIECES // 64)).sum(0) % 2).astype(np.int32)
+    expected = merge_fragments(connected_regions(board), min_size)
+    assert connected_superpixels(board, board, min_size).tolist() == expected.tolist()
+
+
 def test_without_numba_the_steps_are_taken_one_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
     pair = tuple(np.random.default_rng(0).integers(0, 3, (2, 30, 40)).astype(np.int32))
     compiled = connected_superpixels(*pair, 12)
