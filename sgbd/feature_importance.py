@@ -15,7 +15,7 @@ from torch_geometric.data import Data
 
 from sgbd.atomic_file import write_whole
 from sgbd.availability import NotAvailableError
-from sgbd.batches import collate
+from sgbd.batches import SupervisedGraphs, collate
 from sgbd.configuration import ConfigurationError, entry_point, output_folder
 from sgbd.evaluation import with_truth
 from sgbd.features import EDGE_NAMES, NODE_NAMES, edge_columns, node_columns
@@ -74,7 +74,8 @@ def pair_table(
     """
     each = max(4, -(-pairs // len(graphs)))
     order = torch.randperm(len(graphs), generator=generator)[: -(-pairs // each)].tolist()
-    drawn = BalancedEdgeSampler(each, merge_share)(collate([graphs[index] for index in order]), generator)
+    fields = SupervisedGraphs(graphs)
+    drawn = BalancedEdgeSampler(each, merge_share)(collate([fields[index] for index in order]), generator)
     index, labels = drawn.edge_label_index, drawn.edge_label
     # Rows come graph by graph: the last graph must not lose its pairs to the rounding.
     kept = torch.randperm(index.shape[1], generator=generator)[:pairs]

@@ -26,8 +26,8 @@ def test_a_segmentation_has_six_panels_with_all_edges(tmp_path: Path) -> None:
     figure = segmentation_figure(frame, segmentation)
     titles = [axes.get_title() for axes in figure.axes]
     assert f"{superpixels.max() + 1} superpixels" in titles
-    assert "prediction: 3 objects" in titles
-    assert "truth: 3 objects" in titles
+    assert "predicted objects: 3" in titles
+    assert "true objects: 3" in titles
     edges = figure.axes[titles.index(f"{pairs.shape[1]} edges")].collections[0]
     assert len(edges.get_paths()) == pairs.shape[1]
     picture = iio.imread(write_figure(figure, tmp_path / "pictures" / "a.png"))
