@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-SHORT_NAMES = {
+OBJECT_SCORES = {
     "overlap_precision": "overlap_precision",
     "overlap_recall": "overlap_recall",
     "overlap_f_measure": "overlap_f",
@@ -55,13 +55,13 @@ SHORT_NAMES = {
     "boundary_recall": "boundary_recall",
     "boundary_f_measure": "boundary_f",
 }
-EDGE_NAMES = {
+EDGE_SCORES = {
     "cut_precision": "cut_precision",
     "cut_recall": "cut_recall",
     "cut_f_measure": "cut_f",
     "merge_accuracy": "accuracy",
 }
-REGION_NAMES = {"rand_error": "rand_error", "variation_of_information": "variation_of_information"}
+REGION_SCORES = {"rand_error": "rand_error", "variation_of_information": "variation_of_information"}
 GROUPS = {"seen": "seen", "unseen": "unseen", "harmonic_mean": "hm"}
 NAMED = 20
 """Frames without truth that are named one by one."""
@@ -291,22 +291,24 @@ def mean_scores(scored: Sequence[GraphScores], seen: Collection[str]) -> Evaluat
                 scores[f"{protocol}/{short}"] = value
 
     means = summarize([frame.all for frame in scored])
-    add("all", SHORT_NAMES, means)
-    add("oracle", SHORT_NAMES, means, prefix="oracle_")
-    add("edges", EDGE_NAMES, means)
-    add("regions", REGION_NAMES, means)
+    add("all", OBJECT_SCORES, means)
+    add("oracle", OBJECT_SCORES, means, prefix="oracle_")
+    add("edges", EDGE_SCORES, means)
+    add("regions", REGION_SCORES, means)
     frames = frame_table([frame.all for frame in scored])
     own = [frame.unaided for frame in scored if frame.unaided is not None]
     if own:
-        add("unaided", SHORT_NAMES, summarize(own))
+        add("unaided", OBJECT_SCORES, summarize(own))
         table = frame_table(own)
-        frames = frames.join(table[[name for name in SHORT_NAMES if name in table]].add_prefix("unaided_"))
+        frames = frames.join(table[[name for name in OBJECT_SCORES if name in table]].add_prefix("unaided_"))
     if seen:
         frames = frames.join(_seen_and_unseen_of_frames(scored, seen).set_index(frames.index))
         oracle = [frame.oracle_by_category for frame in scored if frame.oracle_by_category is not None]
         for prefix, by_category in (("", [frame.by_category for frame in scored]), ("oracle_", oracle)):
             for group, row in seen_and_unseen(by_category, seen).iterrows():
-                add(prefix + GROUPS[str(group)], SHORT_NAMES, {str(name): float(value) for name, value in row.items()})
+                add(
+                    prefix + GROUPS[str(group)], OBJECT_SCORES, {str(name): float(value) for name, value in row.items()}
+                )
     categories = category_table([frame.by_category for frame in scored])
     if seen:
         categories["seen"] = [name in seen for name in categories.index]
@@ -375,5 +377,5 @@ def score_table(scores: dict[str, float]) -> pd.DataFrame:
     """
     cells = {tuple(name.split("/", 1)): 100 * value for name, value in scores.items()}
     rows = [row for row in ROWS if any(key[0] == row for key in cells)]
-    columns = [column for column in SHORT_NAMES.values() if any(key[1] == column for key in cells)]
+    columns = [column for column in OBJECT_SCORES.values() if any(key[1] == column for key in cells)]
     return pd.DataFrame([[cells.get((row, column), np.nan) for column in columns] for row in rows], rows, columns)
