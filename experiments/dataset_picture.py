@@ -16,8 +16,8 @@ from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
-from sgbd.configuration import config_folder
-from sgbd.overlay import overlay
+from sgbd.jobs.configuration import config_folder
+from sgbd.reporting.overlay import overlay
 
 ROOT = Path(__file__).resolve().parents[1]
 

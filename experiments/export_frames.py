@@ -20,8 +20,8 @@ from hydra.utils import instantiate
 from omegaconf import OmegaConf
 from tqdm import tqdm
 
-from sgbd.configuration import config_folder
 from sgbd.frame import MILLIMETERS
+from sgbd.jobs.configuration import config_folder
 
 OWN = ("split", "output")
 

@@ -21,9 +21,9 @@ from omegaconf import OmegaConf
 from paper import NOT_AT_HAND, PAPER_HM_OVERLAP_F
 from remarks import with_remarks
 
+from sgbd.jobs.sweep import draw, read_jobs, summarize
 from sgbd.reporting.runs import dataset_name
 from sgbd.sources.categories import TOD_GROUPS
-from sgbd.sweep import draw, read_jobs, summarize
 
 HERE = Path(__file__).resolve().parent
 SHOWN = {
@@ -49,7 +49,7 @@ def joined_jobs(folders: Sequence[Path]) -> pd.DataFrame:
         folders: Their folders; a row in a later one takes the place of that with the same overrides in an earlier one.
 
     Returns:
-        What `sgbd.sweep.read_jobs` gives, and the path of each job in the column `path`.
+        What `sgbd.jobs.sweep.read_jobs` gives, and the path of each job in the column `path`.
 
     Raises:
         SystemExit: If a sweep has not come to its end, or varied something else than the others.

@@ -21,9 +21,9 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 
 from sgbd.checkpoint import Checkpoint, find_checkpoint
-from sgbd.configuration import config_folder, count_workers
 from sgbd.evaluation import Evaluator
-from sgbd.pipeline import checkpoint_graphs, frame_source_of_split
+from sgbd.jobs.configuration import config_folder, count_workers
+from sgbd.jobs.pipeline import checkpoint_graphs, frame_source_of_split
 from sgbd.recipe import describe
 from sgbd.segmenter import Segmenter
 

@@ -20,8 +20,8 @@ from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
-from sgbd.configuration import config_folder
 from sgbd.frame import Frame
+from sgbd.jobs.configuration import config_folder
 from sgbd.metrics import ContingencyTable, match_objects, oracle_segments, overlap_scores
 from sgbd.metrics.boundary import boundary_scores
 from sgbd.metrics.superpixel import achievable_segmentation_accuracy, boundary_recall, undersegmentation_error

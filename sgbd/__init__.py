@@ -13,13 +13,11 @@ What is where:
   a frame on in `segmenter`, from files to files in `prediction`.
 - Scores: `majority`, `metrics`, `evaluation` of graphs, `label_map_evaluation` of other methods and of `label_images`,
   `failures` by kind; `scored_partition` and `tuning` choose thresholds.
-- For people: `score_titles`, `overlay`, `plot`, `reliability`, `results` (an evaluation's files), `reporting` (a page).
-- Runs as configured: `configuration`, hints at mistyped arguments (`misspelled_keys`, `unreadable_arguments`),
-  `pipeline` (frames and graphs), `untrained` (the model), `experiment` (from frames to scores), `job` (once in its
-  folder), `sweep` (many jobs and their table).
+- For people: `reporting` (names of scores, pictures, an evaluation's files, the page of a run or sweep).
+- Runs as configured: `jobs` (configuration and hints at mistyped arguments, frames and graphs, the untrained model,
+  from frames to scores, once in its folder, many and their table).
 - Comparisons: `baselines`, `comparison`, `comparison_results`; `benchmarking` of speed and memory; `onnx_export`.
-- The machine: `compiled`, `processors`, `side_by_side` and `one_ahead` (threads), `torch_threads`, `reused_memory`,
-  `workers` (processes), `one_process_at_a_time`, `atomic_file`, `availability`.
+- What the machine has to give: `machine` (compiled loops, threads, processes, memory, files).
 - Commands, each run with ``python -m``: `prepare`, `train`, `tune`, `evaluate`, `predict`, `compare`, `report`,
   `export`, `feature_importance`, `benchmark`, `split`, `semantic_masks`.
 """

@@ -22,17 +22,17 @@ import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap, Pairs
 from sgbd.checkpoint import Checkpoint, CheckpointError
-from sgbd.compiled import HAS_NUMBA, compiled
 from sgbd.features import NODE_NAMES
 from sgbd.frame import Frame
 from sgbd.graph import as_data
 from sgbd.graph_arrays import GraphArrays, graph_arrays
+from sgbd.machine.compiled import HAS_NUMBA, compiled
+from sgbd.machine.torch_threads import torch_threads
 from sgbd.partition import GreedyMulticut
 from sgbd.regions import Regions, region_and_border_sums
 from sgbd.repaint import repaint
 from sgbd.segmentation import Classification, classify
 from sgbd.segmenter import Segmenter
-from sgbd.torch_threads import torch_threads
 
 if TYPE_CHECKING:
     from torch_geometric.data import Data

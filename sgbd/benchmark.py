@@ -16,7 +16,7 @@ from sgbd.benchmarking.extent import configured_extent
 from sgbd.benchmarking.frames import raw_frames
 from sgbd.benchmarking.report import Report
 from sgbd.benchmarking.sections import SECTIONS, Benchmark, chosen_sections
-from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
+from sgbd.jobs.configuration import ConfigurationError, count_workers, entry_point, output_folder
 
 log = logging.getLogger(__name__)
 

@@ -25,7 +25,7 @@ import safetensors
 import safetensors.torch
 import torch
 
-from sgbd.atomic_file import write_whole
+from sgbd.machine.atomic_file import write_whole
 from sgbd.models import EdgeClassifier, ObjectnessHead
 
 log = logging.getLogger(__name__)

@@ -6,12 +6,12 @@ from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
 
-from sgbd.atomic_file import write_whole
 from sgbd.benchmarking.cost import measure_costs
 from sgbd.comparison import judge, load_methods, load_segmenters
 from sgbd.comparison_results import write_failures, write_grids, write_scores
-from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
-from sgbd.pipeline import frame_source_of_split
+from sgbd.jobs.configuration import ConfigurationError, count_workers, entry_point, output_folder
+from sgbd.jobs.pipeline import frame_source_of_split
+from sgbd.machine.atomic_file import write_whole
 from sgbd.sources import FrameSource
 
 SECTIONS = ("scores", "failures", "pictures", "cost")

@@ -13,18 +13,18 @@ from omegaconf import DictConfig
 from tqdm import tqdm
 
 from sgbd.checkpoint import Checkpoint, find_checkpoint
-from sgbd.configuration import ConfigurationError
 from sgbd.evaluation import Evaluation, Evaluator, mean_scores, with_truth
 from sgbd.failures import Failures, classify_failures
 from sgbd.frame import Frame
+from sgbd.jobs.configuration import ConfigurationError
+from sgbd.jobs.pipeline import graphs_for
 from sgbd.label_images import LabelImages
 from sgbd.label_map_evaluation import LabelMapMethod, evaluate_label_maps
+from sgbd.machine.torch_threads import torch_threads
 from sgbd.metrics import ContingencyTable, objects_by_majority, oracle_table
-from sgbd.pipeline import graphs_for
 from sgbd.segmentation import classify, partition_graph
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameSource
-from sgbd.torch_threads import torch_threads
 
 MODEL, BASELINE, LABEL_IMAGES = "model", "baseline", "label images"
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from sgbd.atomic_file import write_whole
 from sgbd.comparison import Judged
 from sgbd.failures import TABLE_AS_OBJECT, Failures, failure_counts, failure_table
 from sgbd.frame import Frame
-from sgbd.plot import frames_figure, methods_figure, worst_frame_figure
-from sgbd.results import write_evaluation, write_figure
+from sgbd.machine.atomic_file import write_whole
+from sgbd.reporting.plot import frames_figure, methods_figure, worst_frame_figure
+from sgbd.reporting.results import write_evaluation, write_figure
 from sgbd.sources import FrameSource
 
 SHOWN = {

@@ -6,12 +6,12 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 
 from sgbd.checkpoint import Checkpoint, find_checkpoint
-from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
 from sgbd.evaluation import Evaluator
+from sgbd.jobs.configuration import ConfigurationError, count_workers, entry_point, output_folder
+from sgbd.jobs.pipeline import checkpoint_graphs, frame_source_of_split
 from sgbd.label_images import LabelImages
 from sgbd.label_map_evaluation import evaluate_label_maps
-from sgbd.pipeline import checkpoint_graphs, frame_source_of_split
-from sgbd.results import draw_examples, example_frames, markdown, write_evaluation
+from sgbd.reporting.results import draw_examples, example_frames, markdown, write_evaluation
 from sgbd.segmenter import Segmenter
 
 

@@ -17,6 +17,8 @@ from tqdm import tqdm
 from sgbd.calibration import ScoreCalibration, expected_calibration_error, right_segments
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.label_map import unpack
+from sgbd.machine.side_by_side import side_by_side, thread_count
+from sgbd.machine.torch_threads import torch_threads
 from sgbd.metrics import (
     FIRST_OBJECT,
     CategoryScores,
@@ -38,8 +40,6 @@ from sgbd.metrics import (
 from sgbd.partition import Partitioner
 from sgbd.repaint import repaint
 from sgbd.segmentation import ObjectRule, Segments, classify, partition_graph
-from sgbd.side_by_side import side_by_side, thread_count
-from sgbd.torch_threads import torch_threads
 
 if TYPE_CHECKING:
     from torch_geometric.data import Data

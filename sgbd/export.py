@@ -9,9 +9,9 @@ from pathlib import Path
 import pandas as pd
 from omegaconf import DictConfig
 
-from sgbd.atomic_file import write_whole
 from sgbd.checkpoint import Checkpoint, find_checkpoint
-from sgbd.configuration import ConfigurationError, entry_point
+from sgbd.jobs.configuration import ConfigurationError, entry_point
+from sgbd.machine.atomic_file import write_whole
 from sgbd.onnx_export import Check, check, input_names, output_names, to_onnx
 
 log = logging.getLogger(__name__)

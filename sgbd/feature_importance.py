@@ -13,18 +13,18 @@ import torch
 from omegaconf import DictConfig
 from torch_geometric.data import Data
 
-from sgbd.atomic_file import write_whole
-from sgbd.availability import NotAvailableError
 from sgbd.batches import SupervisedGraphs, collate
-from sgbd.configuration import ConfigurationError, entry_point, output_folder
 from sgbd.evaluation import with_truth
 from sgbd.features import EDGE_NAMES, NODE_NAMES, edge_columns, node_columns
 from sgbd.graph import edge_positions
+from sgbd.jobs.configuration import ConfigurationError, entry_point, output_folder
+from sgbd.jobs.pipeline import open_graphs, prepare_splits
+from sgbd.jobs.untrained import configured_block
+from sgbd.machine.atomic_file import write_whole
+from sgbd.machine.availability import NotAvailableError
 from sgbd.node_block import split_groups
-from sgbd.pipeline import open_graphs, prepare_splits
-from sgbd.results import write_figure
+from sgbd.reporting.results import write_figure
 from sgbd.sampling import BalancedEdgeSampler
-from sgbd.untrained import configured_block
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from sgbd.adjacency import Pairs
-from sgbd.compiled import compiled
 from sgbd.frame import Frame, Intrinsics
+from sgbd.machine.compiled import compiled
 from sgbd.regions import (
     COLOR_STEP,
     COLUMN,

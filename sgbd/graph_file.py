@@ -22,8 +22,8 @@ import numpy.typing as npt
 import safetensors
 from safetensors.numpy import save
 
-from sgbd.atomic_file import write_whole
 from sgbd.graph_arrays import GraphArrays
+from sgbd.machine.atomic_file import write_whole
 
 if TYPE_CHECKING:  # imported where graphs are read: to write them needs neither, and workers hold neither in memory
     from torch import Tensor

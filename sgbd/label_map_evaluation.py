@@ -15,9 +15,9 @@ from sgbd.evaluation import Evaluation, EvaluationError, GraphScores, mean_score
 from sgbd.failures import Failures, classify_failures
 from sgbd.frame import Frame, FrameError
 from sgbd.label_images import LabelImages
+from sgbd.machine.workers import map_in_order
 from sgbd.metrics import ContingencyTable, category_scores, objects_by_label, objects_by_majority, score_frame
 from sgbd.sources import FrameSource
-from sgbd.workers import map_in_order
 
 log = logging.getLogger(__name__)
 

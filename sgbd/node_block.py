@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap
-from sgbd.availability import NotAvailableError
 from sgbd.features import NODE_GROUPS
+from sgbd.machine.availability import NotAvailableError
 
 Planes = npt.NDArray[np.float32]
 

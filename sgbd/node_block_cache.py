@@ -25,7 +25,6 @@ import torch
 from torch_geometric.data import Data
 from tqdm import tqdm
 
-from sgbd.atomic_file import write_whole
 from sgbd.graph_file import (
     FORMAT_VERSION,
     SUFFIX,
@@ -37,8 +36,9 @@ from sgbd.graph_file import (
     write_graph,
 )
 from sgbd.label_map import unpack
+from sgbd.machine.atomic_file import write_whole
+from sgbd.machine.one_process_at_a_time import one_process_at_a_time
 from sgbd.node_block import NodeBlock
-from sgbd.one_process_at_a_time import one_process_at_a_time
 from sgbd.preparation import INDEX_FILE, RECIPE_FILE, PreparationError, frame_fingerprint, graph_file_name, read_index
 from sgbd.recipe import recipe_hash
 from sgbd.repaint import node_map

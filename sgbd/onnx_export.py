@@ -20,15 +20,15 @@ import torch
 from torch import Tensor, nn
 
 from sgbd import __version__
-from sgbd.availability import NotAvailableError
 from sgbd.benchmarking.timing import Timing, take_turns
 from sgbd.checkpoint import Checkpoint, instantiate
-from sgbd.configuration import ConfigurationError
 from sgbd.features import EDGE_NAMES, NODE_NAMES, edge_columns, node_columns
+from sgbd.jobs.configuration import ConfigurationError
+from sgbd.machine.availability import NotAvailableError
+from sgbd.machine.torch_threads import torch_threads
 from sgbd.models import EdgeClassifier, EdgeTransformer, ObjectnessHead
 from sgbd.node_block import split_groups
 from sgbd.own_columns import own_columns
-from sgbd.torch_threads import torch_threads
 
 if TYPE_CHECKING:
     import onnxruntime
@@ -115,7 +115,7 @@ def to_onnx(checkpoint: Checkpoint, opset: int = SMALLEST_OPSET, trust: Sequence
         `sgbd` a JSON text with the recipe, the names of the feature columns, and what the inputs and outputs are.
 
     Raises:
-        sgbd.availability.NotAvailableError: If a package that the export needs is missing.
+        sgbd.machine.availability.NotAvailableError: If a package that the export needs is missing.
         ConfigurationError: If the opset is none that can be written.
         ExportError: If PyTorch cannot turn the model into ONNX operators.
     """
@@ -270,7 +270,7 @@ def session(content: bytes) -> onnxruntime.InferenceSession:
     """Open an ONNX model on one thread of the CPU.
 
     Raises:
-        sgbd.availability.NotAvailableError: If ONNX Runtime is missing.
+        sgbd.machine.availability.NotAvailableError: If ONNX Runtime is missing.
         ExportError: If it cannot run the model.
     """
     runtime = _required("onnxruntime")

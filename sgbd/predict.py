@@ -11,8 +11,8 @@ from tqdm import tqdm
 from tqdm.contrib.logging import logging_redirect_tqdm
 
 from sgbd.checkpoint import find_checkpoint
-from sgbd.configuration import ConfigurationError, entry_point, output_folder
 from sgbd.frame import FrameError
+from sgbd.jobs.configuration import ConfigurationError, entry_point, output_folder
 from sgbd.prediction import find_frames, write_segmentation
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameReadError

@@ -11,9 +11,9 @@ import imageio.v3 as iio
 import numpy as np
 from scipy.ndimage import find_objects
 
-from sgbd.atomic_file import write_whole
 from sgbd.frame import MILLIMETERS, Frame, Intrinsics
-from sgbd.overlay import overlay
+from sgbd.machine.atomic_file import write_whole
+from sgbd.reporting.overlay import overlay
 from sgbd.segmentation import Segmentation
 from sgbd.sources import ColorDepthRecording, Folder, FrameReadError, FrameSource, TumRecording, VideoPair
 from sgbd.sources.camera import intrinsics_option

@@ -32,7 +32,6 @@ from filelock import FileLock, Timeout
 from tqdm import tqdm
 
 from sgbd.adjacency import LabelMap
-from sgbd.atomic_file import write_whole
 from sgbd.features import EDGE_NAMES, NODE_NAMES
 from sgbd.frame import Frame
 from sgbd.graph import array_builder
@@ -46,10 +45,11 @@ from sgbd.graph_file import (
     read_summary,
     write_graph,
 )
+from sgbd.machine.atomic_file import write_whole
+from sgbd.machine.workers import WorkerError, map_in_order
 from sgbd.own_columns import own_columns
 from sgbd.recipe import Recipe, folder_name, graph_recipe
 from sgbd.sources.source import FrameSource
-from sgbd.workers import WorkerError, map_in_order
 
 if TYPE_CHECKING:
     from torch_geometric.data import Data

@@ -5,8 +5,8 @@ from __future__ import annotations
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 
-from sgbd.configuration import count_workers, entry_point
-from sgbd.pipeline import frame_source, prepare_splits, splits_of
+from sgbd.jobs.configuration import count_workers, entry_point
+from sgbd.jobs.pipeline import frame_source, prepare_splits, splits_of
 
 
 @entry_point("prepare")

@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from sgbd.compiled import HAS_NUMBA
 from sgbd.features import EDGE_GROUPS, NODE_GROUPS
 from sgbd.graph_file import FORMAT_VERSION
+from sgbd.machine.compiled import HAS_NUMBA
 from sgbd.own_columns import own_columns
 from sgbd.sources.source import FrameSource
 

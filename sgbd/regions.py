@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap, Pairs
-from sgbd.compiled import HAS_NUMBA, compiled
 from sgbd.frame import Frame
-from sgbd.side_by_side import bands, side_by_side, thread_count
+from sgbd.machine.compiled import HAS_NUMBA, compiled
+from sgbd.machine.side_by_side import bands, side_by_side, thread_count
 
 # Columns of the sums over a region's pixels. Those from VALID on count only pixels with depth.
 PIXELS, RGB, RGB_SQUARED, ROW, COLUMN, VALID, XYZ, XYZ_SQUARED = 0, 1, 4, 7, 8, 9, 10, 13

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap
-from sgbd.compiled import HAS_NUMBA, compiled
+from sgbd.machine.compiled import HAS_NUMBA, compiled
 
 if TYPE_CHECKING:
     from torch_geometric.data import Data

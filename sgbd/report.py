@@ -8,8 +8,8 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from sgbd.atomic_file import write_whole
-from sgbd.configuration import ConfigurationError, entry_point
+from sgbd.jobs.configuration import ConfigurationError, entry_point
+from sgbd.machine.atomic_file import write_whole
 from sgbd.reporting.page import render
 from sgbd.reporting.runs import read_results
 

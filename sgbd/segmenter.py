@@ -18,13 +18,13 @@ from sgbd.features import EDGE_NAMES, NODE_NAMES, edge_columns, node_columns
 from sgbd.frame import Frame, Intrinsics
 from sgbd.graph import GraphBuilder, array_builder
 from sgbd.graph_tensors import GraphTensors
+from sgbd.machine.torch_threads import torch_threads
 from sgbd.node_block import NodeBlock, required_block, split_groups
 from sgbd.own_columns import with_own_columns
 from sgbd.partition import Partitioner
 from sgbd.repaint import node_map
 from sgbd.segmentation import ObjectRule, Segmentation, classify, paint, partition_graph
 from sgbd.superpixels import Superpixels
-from sgbd.torch_threads import torch_threads
 
 if TYPE_CHECKING:
     from torch_geometric.data import Data
@@ -47,8 +47,8 @@ class Segmenter:
         node_block: Takes the place of the recipe's block of node features, for instance where its weights lie elsewhere
             on this machine; not looked at if the model uses none.
         device: Where the networks run.
-        threads: CPU threads of each of the networks' operations; see `sgbd.torch_threads`. With 1, what can be done in
-            pieces is shared out instead (`sgbd.side_by_side`), as it is in superpixels and graphs.
+        threads: CPU threads of each of the networks' operations; see `sgbd.machine.torch_threads`. With 1, what can be
+            done in pieces is shared out instead (`sgbd.machine.side_by_side`), as it is in superpixels and graphs.
         trust: Names of packages beside `sgbd` whose classes the recipe may name.
 
     Raises:

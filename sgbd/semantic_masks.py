@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from omegaconf import DictConfig
 
-from sgbd.configuration import ConfigurationError, count_workers, entry_point
-from sgbd.pipeline import frame_source, splits_of
+from sgbd.jobs.configuration import ConfigurationError, count_workers, entry_point
+from sgbd.jobs.pipeline import frame_source, splits_of
 from sgbd.sources.semantic_masks import write_semantic_masks
 from sgbd.sources.tod import Tod
 

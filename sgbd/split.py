@@ -6,8 +6,8 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
-from sgbd.pipeline import frame_source
+from sgbd.jobs.configuration import ConfigurationError, count_workers, entry_point, output_folder
+from sgbd.jobs.pipeline import frame_source
 from sgbd.sources.categories import TOD_GROUPS
 from sgbd.sources.split_report import write_split
 from sgbd.sources.tod import Tod

@@ -8,11 +8,11 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig
 
-from sgbd.availability import NotAvailableError
-from sgbd.configuration import entry_point, output_folder
-from sgbd.experiment import run_experiment
-from sgbd.job import run_once
-from sgbd.sweep import NotRun
+from sgbd.jobs.configuration import entry_point, output_folder
+from sgbd.jobs.experiment import run_experiment
+from sgbd.jobs.job import run_once
+from sgbd.jobs.sweep import NotRun
+from sgbd.machine.availability import NotAvailableError
 
 log = logging.getLogger(__name__)
 

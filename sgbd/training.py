@@ -25,16 +25,16 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 from torch_geometric.data import Data
 from tqdm import tqdm
 
-from sgbd.atomic_file import write_whole
 from sgbd.batches import EpochBatches, batches_in_order, derived_seeds
 from sgbd.checkpoint import CHECKPOINT_FILE, Checkpoint
 from sgbd.graph_arrays import CUT, MERGE
 from sgbd.losses import EdgeLoss
+from sgbd.machine.atomic_file import write_whole
+from sgbd.machine.one_ahead import one_ahead
+from sgbd.machine.torch_threads import torch_threads
 from sgbd.models import EdgeClassifier, ObjectnessHead, object_targets
 from sgbd.models.standardize import ColumnMoments
-from sgbd.one_ahead import one_ahead
 from sgbd.sampling import EdgeSampler, edge_labels, graphs_of_pairs
-from sgbd.torch_threads import torch_threads
 
 log = logging.getLogger(__name__)
 

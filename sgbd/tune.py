@@ -7,11 +7,11 @@ from pathlib import Path
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 
-from sgbd.atomic_file import write_whole
 from sgbd.checkpoint import CHECKPOINT_FILE, Checkpoint, find_checkpoint
-from sgbd.configuration import ConfigurationError, count_workers, entry_point, output_folder
-from sgbd.pipeline import checkpoint_graphs, frame_source_of_split
-from sgbd.score_titles import score_title
+from sgbd.jobs.configuration import ConfigurationError, count_workers, entry_point, output_folder
+from sgbd.jobs.pipeline import checkpoint_graphs, frame_source_of_split
+from sgbd.machine.atomic_file import write_whole
+from sgbd.reporting.score_titles import score_title
 from sgbd.segmenter import Segmenter
 from sgbd.tuning import TUNING_FILE
 

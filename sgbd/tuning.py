@@ -15,12 +15,12 @@ from torch_geometric.data import Data
 
 from sgbd.calibration import ScoreCalibration, right_segments, segment_features
 from sgbd.checkpoint import instantiate
+from sgbd.machine.torch_threads import torch_threads
 from sgbd.partition import Partitioner
 from sgbd.recipe import describe
-from sgbd.score_titles import score_title
+from sgbd.reporting.score_titles import score_title
 from sgbd.scored_partition import ScoredGraph
 from sgbd.segmentation import ObjectRule, classify
-from sgbd.torch_threads import torch_threads
 
 log = logging.getLogger(__name__)
 

@@ -15,7 +15,7 @@ from sgbd.benchmarking.extent import SHORT, Extent
 from sgbd.benchmarking.frames import made_up_scene
 from sgbd.benchmarking.reference import STAGES as REFERENCE_STAGES
 from sgbd.benchmarking.sections import SECTIONS
-from sgbd.configuration import ConfigurationError
+from sgbd.jobs.configuration import ConfigurationError
 from tests.benchmarking.configured import small_benchmark
 
 SPREAD = {"median_ms", "p10_ms", "p90_ms", "cpu_ms", "repeats"}

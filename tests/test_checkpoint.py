@@ -92,7 +92,7 @@ def test_own_class_needs_trust(tmp_path: Path) -> None:
         "sgbd_evil.Model",
         "sgbd.checkpoint.importlib.import_module",
         "sgbd.checkpoint.Path",
-        "sgbd.atomic_file.os.system",
+        "sgbd.machine.atomic_file.os.system",
     ],
 )
 def test_foreign_targets_are_never_resolved_to_a_call(target: str, tmp_path: Path) -> None:
@@ -106,7 +106,7 @@ def test_foreign_targets_are_never_resolved_to_a_call(target: str, tmp_path: Pat
 
 def test_own_functions_are_not_called_either(tmp_path: Path) -> None:
     victim = tmp_path / "victim"
-    config = {"_target_": "sgbd.atomic_file.write_whole", "path": str(victim), "content": "x"}
+    config = {"_target_": "sgbd.machine.atomic_file.write_whole", "path": str(victim), "content": "x"}
     for recipe in ({"model": config}, {"model": {**MLP, "bias": config}}):
         with pytest.raises(CheckpointError, match="must not call functions"):
             Checkpoint.load(write(tmp_path / "c.safetensors", header(recipe)))

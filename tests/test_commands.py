@@ -200,7 +200,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from omegaconf import OmegaConf
 
     from sgbd.checkpoint import Checkpoint
-    from sgbd.configuration import config_folder
+    from sgbd.jobs.configuration import config_folder
     from sgbd.recipe import describe
 
     with initialize_config_dir(str(config_folder()), version_base="1.3"):

@@ -188,12 +188,12 @@ def test_a_model_trained_with_dino_carries_it(weights: Path, tmp_path: Path) -> 
     from hydra import compose, initialize_config_dir
 
     from sgbd.checkpoint import Checkpoint, CheckpointError
-    from sgbd.configuration import config_folder
     from sgbd.data import SuperpixelGraphDataset
+    from sgbd.jobs.configuration import config_folder
+    from sgbd.jobs.untrained import untrained_checkpoint
     from sgbd.node_block_cache import prepare_node_block
     from sgbd.preparation import prepare
     from sgbd.segmenter import Segmenter
-    from sgbd.untrained import untrained_checkpoint
     from tests.scenes import Scenes
 
     overrides = ["features=paper_dino", "superpixels.n_segments=12", f"node_block.weights={weights}"]
@@ -231,8 +231,8 @@ def test_an_experiment_with_dino_alone(weights: Path, tmp_path: Path) -> None:
     from hydra import compose, initialize_config_dir
 
     from sgbd import Segmenter
-    from sgbd.configuration import config_folder
-    from sgbd.experiment import run_experiment
+    from sgbd.jobs.configuration import config_folder
+    from sgbd.jobs.experiment import run_experiment
     from tests.scenes import scene
 
     overrides = [

@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 import torch
 
-from sgbd.configuration import ConfigurationError
 from sgbd.feature_importance import PairTable, forest_importance, importance_figure, pair_table, summarize
+from sgbd.jobs.configuration import ConfigurationError
 from tests.graph_samples import grid_graph, path_graph
 
 pytest.importorskip("sklearn", reason="the extra sgbd[analysis] is not installed")

@@ -12,11 +12,12 @@ from hydra.core.global_hydra import GlobalHydra
 from torch import Tensor
 
 from sgbd.agglomeration import EDGE_COLUMNS, NODE_COLUMNS
-from sgbd.availability import NotAvailableError
 from sgbd.checkpoint import Checkpoint
-from sgbd.configuration import ConfigurationError
 from sgbd.export import files_of_stages, table
 from sgbd.features import EDGE_NAMES, NODE_GROUPS, NODE_NAMES
+from sgbd.jobs.configuration import ConfigurationError
+from sgbd.jobs.untrained import untrained_checkpoint
+from sgbd.machine.availability import NotAvailableError
 from sgbd.models import SharedMLP
 from sgbd.onnx_export import (
     Check,
@@ -29,7 +30,6 @@ from sgbd.onnx_export import (
     session,
     to_onnx,
 )
-from sgbd.untrained import untrained_checkpoint
 
 onnx = pytest.importorskip("onnx", reason="the extra sgbd[export] is not installed")
 pytest.importorskip("onnxruntime", reason="the extra sgbd[export] is not installed")

@@ -72,7 +72,7 @@ import contextlib, io, json, runpy, sys
 import torch
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
-import sgbd.configuration
+import sgbd.jobs.configuration
 
 def output_of(entry, *arguments):
     sys.argv = [entry, *arguments]
@@ -82,8 +82,8 @@ def output_of(entry, *arguments):
 
 shown = {entry: output_of(entry, "--cfg", "job") for entry in sys.argv[1:]}
 shown |= {
-    "file": sgbd.configuration.__file__,
-    "folder": str(sgbd.configuration.config_folder()),
+    "file": sgbd.jobs.configuration.__file__,
+    "folder": str(sgbd.jobs.configuration.config_folder()),
     "help": output_of("train", "--help"),
     "own": output_of("train", "--config-dir", "options", "model=difference", "model.power=2", "--cfg", "job"),
 }

@@ -12,7 +12,7 @@ import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
-from tests.test_configuration import CONF, composed
+from tests.jobs.test_configuration import CONF, composed
 
 ROOT = CONF.parent
 PAGES = {page: (ROOT / page).read_text() for page in ("README.md", "experiments/README.md")}

@@ -12,7 +12,7 @@ from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
-from sgbd.configuration import config_folder
+from sgbd.jobs.configuration import config_folder
 from sgbd.sources import TOD_CATEGORIES, TODZ_SEEN, FrameSource, Tod
 from sgbd.sources.image import read_labels
 from tests.scenes import scene

@@ -18,10 +18,10 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from torch import Generator
 from torch_geometric.data import Data
 
-from sgbd import one_ahead
 from sgbd.augmentation import GraphAugmentation
 from sgbd.checkpoint import Checkpoint, CheckpointError
 from sgbd.losses import EdgeLoss
+from sgbd.machine import one_ahead
 from sgbd.models import EdgeClassifier, GatedGCN, ObjectnessHead, SharedMLP, SymmetricGCN
 from sgbd.sampling import AllEdges, BalancedEdgeSampler
 from sgbd.training import Trainer, TrainingError, TrainingResult, survey_graphs

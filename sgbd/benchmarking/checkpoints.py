@@ -6,9 +6,9 @@ import torch
 from omegaconf import DictConfig
 
 from sgbd.checkpoint import Checkpoint, find_checkpoint
-from sgbd.configuration import ConfigurationError
+from sgbd.jobs.configuration import ConfigurationError
+from sgbd.jobs.untrained import trusted_packages, untrained_checkpoint
 from sgbd.segmenter import Segmenter
-from sgbd.untrained import trusted_packages, untrained_checkpoint
 
 
 def configured_checkpoint(config: DictConfig, n: int | None = None) -> Checkpoint:

@@ -19,8 +19,8 @@ from sgbd.benchmarking.report import Report
 from sgbd.benchmarking.stages import STAGES, segment_in_stages
 from sgbd.benchmarking.timing import Stopwatch
 from sgbd.checkpoint import Checkpoint, find_checkpoint
-from sgbd.configuration import ConfigurationError
 from sgbd.frame import MILLIMETERS
+from sgbd.jobs.configuration import ConfigurationError
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameSource
 

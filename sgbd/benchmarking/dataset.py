@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from sgbd.benchmarking.frames import RawFrame
-from sgbd.configuration import ConfigurationError
+from sgbd.jobs.configuration import ConfigurationError
 from sgbd.sources import Folder, LabelRule
 
 LARGEST_LABEL = 65534

@@ -13,8 +13,8 @@ from typing import Any
 import psutil
 import torch
 
-from sgbd.configuration import ConfigurationError
-from sgbd.processors import usable_processors
+from sgbd.jobs.configuration import ConfigurationError
+from sgbd.machine.processors import usable_processors
 
 PACKAGES = ("sgbd", "numpy", "numba", "scipy", "scikit-image", "torch", "torch-geometric", "networkx")
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from omegaconf import DictConfig
 
-from sgbd.configuration import ConfigurationError
+from sgbd.jobs.configuration import ConfigurationError
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from sgbd.configuration import ConfigurationError
 from sgbd.frame import MILLIMETERS, Frame, Intrinsics
+from sgbd.jobs.configuration import ConfigurationError
 from sgbd.sources import Folder
 
 OBJECTS = 14

@@ -12,8 +12,8 @@ from omegaconf import DictConfig
 from sgbd.benchmarking.checkpoints import configured_segmenter
 from sgbd.benchmarking.frames import RawFrame
 from sgbd.benchmarking.reference import Reference, scikit_image_superpixels
-from sgbd.configuration import ConfigurationError
-from sgbd.untrained import GROUPS
+from sgbd.jobs.configuration import ConfigurationError
+from sgbd.jobs.untrained import GROUPS
 
 Method = Callable[[RawFrame], Any]
 

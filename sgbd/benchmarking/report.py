@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from sgbd.atomic_file import write_whole
+from sgbd.machine.atomic_file import write_whole
 
 FORMAT_VERSION = 1
 

@@ -28,11 +28,11 @@ from sgbd.benchmarking.report import Report
 from sgbd.benchmarking.stages import measure_stages, stage_rows
 from sgbd.benchmarking.timing import Ratio, Stopwatch, take_turns
 from sgbd.benchmarking.training_speed import measure_training
-from sgbd.configuration import ConfigurationError
+from sgbd.jobs.configuration import ConfigurationError
+from sgbd.jobs.untrained import trusted_packages
 from sgbd.segmentation import Segmentation
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameSource
-from sgbd.untrained import trusted_packages
 
 SCIKIT_IMAGE_SUPERPIXELS = "superpixels/slic_reference"
 

@@ -24,8 +24,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sgbd.compiled import compiled
 from sgbd.frame import IGNORE
+from sgbd.machine.compiled import compiled
 from sgbd.metrics.f_measure import precision_recall_f
 from sgbd.metrics.label_index import as_label_map, label_index
 from sgbd.metrics.overlap import Matching

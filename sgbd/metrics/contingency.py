@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sgbd.compiled import compiled
 from sgbd.frame import IGNORE
+from sgbd.machine.compiled import compiled
 from sgbd.metrics.label_index import as_label_map, distinct_labels, label_index
 
 

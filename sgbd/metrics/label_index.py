@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sgbd.compiled import compiled
+from sgbd.machine.compiled import compiled
 
 # In a wider range labels are searched instead of looked up in a table.
 _LONGEST_TABLE = 1 << 20

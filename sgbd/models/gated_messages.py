@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from sgbd.compiled import HAS_NUMBA, compiled
+from sgbd.machine.compiled import HAS_NUMBA, compiled
 
 
 def has_messages_compiled(*states: Tensor) -> bool:

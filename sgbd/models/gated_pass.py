@@ -7,8 +7,8 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from sgbd.compiled import compiled
-from sgbd.side_by_side import bands, side_by_side, thread_count
+from sgbd.machine.compiled import compiled
+from sgbd.machine.side_by_side import bands, side_by_side, thread_count
 
 Floats = npt.NDArray[np.float32]
 

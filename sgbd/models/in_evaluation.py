@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from sgbd.compiled import HAS_NUMBA
+from sgbd.machine.compiled import HAS_NUMBA
 
 
 def can_be_compiled(network: nn.Module, x: Tensor) -> bool:

@@ -11,9 +11,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import batch_norm, dropout
 
+from sgbd.machine.reused_memory import reused
+from sgbd.machine.side_by_side import bands, side_by_side, thread_count
 from sgbd.models.in_evaluation import can_be_overwritten, scale_and_shift
-from sgbd.reused_memory import reused
-from sgbd.side_by_side import bands, side_by_side, thread_count
 
 ROWS_AT_ONCE = 768
 """Rows at the most that go through all layers together: their states fit into the caches of common processors."""

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from sgbd.compiled import compiled
+from sgbd.machine.compiled import compiled
 from sgbd.partition.heap import pop, push
 from sgbd.partition.partitioner import number_by_first_appearance
 
@@ -148,7 +148,7 @@ def _contract(
         tail[node] = half
         degree[node] += 1
 
-    size: int = np.int64(0)  # type: ignore[assignment]  # see sgbd.compiled
+    size: int = np.int64(0)  # type: ignore[assignment]  # see sgbd.machine.compiled
     for edge in range(num_edges):
         if cannot_link or strength[edge] > 0:
             size = push(heap_key, heap_edge, size, abs(strength[edge]), edge)

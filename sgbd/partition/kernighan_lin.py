@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from sgbd.compiled import compiled
+from sgbd.machine.compiled import compiled
 from sgbd.partition.edge_weight import EDGE_EPSILON, BorderWeight
 from sgbd.partition.heap import pop, push
 from sgbd.partition.multicut import GreedyMulticut, greedy_additive_edge_contraction, multicut_cost
@@ -169,7 +169,7 @@ def _improve(
     """Move superpixels between the segments a and b (which may be empty), or join them; says whether it gained."""
     # What it gains to move a superpixel: the weights to the other segment less those to its own.
     between = 0.0
-    size: int = np.int64(0)  # type: ignore[assignment]  # see sgbd.compiled
+    size: int = np.int64(0)  # type: ignore[assignment]  # see sgbd.machine.compiled
     for side in range(2):
         here, there = (a, b) if side == 0 else (b, a)
         node = head[here]

@@ -1,1 +1,1 @@
-"""The report: one page that holds everything a run or a sweep found out."""
+"""For people: names of scores, pictures, the files of an evaluation, and the page that holds all of a run or sweep."""

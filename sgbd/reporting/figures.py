@@ -12,9 +12,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from sgbd.jobs.sweep import PER_CENT
 from sgbd.reporting.runs import Run
-from sgbd.score_titles import score_title
-from sgbd.sweep import PER_CENT
+from sgbd.reporting.score_titles import score_title
 
 LEGEND_ENTRIES = 12
 """With more lines a legend says less than it hides."""

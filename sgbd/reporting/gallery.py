@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from sgbd.configuration import ConfigurationError
+from sgbd.jobs.configuration import ConfigurationError
 from sgbd.reporting.panels import GALLERY_FOLDER, PANELS, GalleryFrame, encoded, read_index
 from sgbd.reporting.runs import Run
 

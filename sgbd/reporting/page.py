@@ -13,11 +13,13 @@ from markupsafe import Markup
 from omegaconf import OmegaConf
 
 from sgbd import __version__
-from sgbd.plot import history_figure
+from sgbd.jobs.sweep import draw, summarize
 from sgbd.reporting.figures import curve_comparison, frame_distribution, inline_svg
 from sgbd.reporting.gallery import MEASURES, Gallery, collect
 from sgbd.reporting.panels import PANELS
+from sgbd.reporting.plot import history_figure
 from sgbd.reporting.runs import Results, Run, Sweep
+from sgbd.reporting.score_titles import score_title
 from sgbd.reporting.tables import (
     Table,
     category_comparison,
@@ -28,8 +30,6 @@ from sgbd.reporting.tables import (
     protocol_table,
     sweep_table,
 )
-from sgbd.score_titles import score_title
-from sgbd.sweep import draw, summarize
 
 HEADLINES = ("hm/overlap_f", "all/overlap_f", "all/boundary_f", "unaided/overlap_f", "oracle/overlap_f")
 """Scores at the top of the page of a single run."""

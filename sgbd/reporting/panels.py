@@ -14,11 +14,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from sgbd.atomic_file import write_whole
-from sgbd.configuration import ConfigurationError
 from sgbd.frame import SUPPORT, Frame
-from sgbd.overlay import overlay
-from sgbd.plot import draw_edges, with_boundaries
+from sgbd.jobs.configuration import ConfigurationError
+from sgbd.machine.atomic_file import write_whole
+from sgbd.reporting.overlay import overlay
+from sgbd.reporting.plot import draw_edges, with_boundaries
 from sgbd.segmentation import Segmentation
 
 GALLERY_FOLDER = "gallery"

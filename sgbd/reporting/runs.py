@@ -12,9 +12,9 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from sgbd.configuration import ConfigurationError
-from sgbd.job import ASIDE, RESULT_FILE, read_json
-from sgbd.sweep import RECORDS_FOLDER, read_jobs
+from sgbd.jobs.configuration import ConfigurationError
+from sgbd.jobs.job import ASIDE, RESULT_FILE, read_json
+from sgbd.jobs.sweep import RECORDS_FOLDER, read_jobs
 
 SCORES_FILE = "scores.json"
 HISTORY_FILE = "history.csv"
@@ -64,7 +64,7 @@ class Sweep:
     Attributes:
         label: Its name in the report.
         folder: Where it lies.
-        jobs: A row each job, as `sgbd.sweep.read_jobs` returns it.
+        jobs: A row each job, as `sgbd.jobs.sweep.read_jobs` returns it.
         columns: Patterns of the scores that its tables show.
         plot: Scores that are drawn.
         runs: The jobs that left results, by the number of the job.

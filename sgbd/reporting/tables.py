@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import pandas as pd
 
 from sgbd.evaluation import score_table
+from sgbd.jobs.sweep import PER_CENT, summarize
 from sgbd.reporting.runs import Run, Sweep
-from sgbd.score_titles import TITLES, score_title
-from sgbd.sweep import PER_CENT, summarize
+from sgbd.reporting.score_titles import TITLES, score_title
 
 FRAME_COLUMNS = {
     "overlap_f_measure": "overlap F",

@@ -10,9 +10,9 @@ import numpy as np
 from PIL import Image
 from tqdm import tqdm
 
-from sgbd.atomic_file import write_whole
+from sgbd.machine.atomic_file import write_whole
+from sgbd.machine.workers import map_in_order
 from sgbd.sources.tod import Tod
-from sgbd.workers import map_in_order
 
 
 @dataclass(frozen=True)

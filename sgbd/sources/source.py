@@ -104,7 +104,7 @@ class FrameSource(ABC):
         from matplotlib.figure import Figure
 
         # Here, so that what pictures look like is no part of what graphs are made by.
-        from sgbd.overlay import overlay
+        from sgbd.reporting.overlay import overlay
 
         frame = self[index]
         panels = 2 if frame.instances is None else 3

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from omegaconf import OmegaConf
 
-from sgbd.atomic_file import write_whole
+from sgbd.machine.atomic_file import write_whole
 from sgbd.sources.tod import Tod
 from sgbd.sources.zero_shot_split import POOLS, SETS, Catalog, ZeroShotSplit
 

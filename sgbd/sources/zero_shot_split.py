@@ -20,8 +20,8 @@ import numpy as np
 import numpy.typing as npt
 from tqdm import tqdm
 
+from sgbd.machine.workers import map_in_order
 from sgbd.sources.tod import Tod
-from sgbd.workers import map_in_order
 
 SETS = ("train", "val", "test_closed", "test_open")
 """The four sets of frames."""

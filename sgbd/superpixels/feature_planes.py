@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from sgbd.compiled import compiled
+from sgbd.machine.compiled import compiled
 from sgbd.superpixels.local_k_means import Planes
 
 # Linear sRGB to XYZ, relative to the white point D65 (2 degrees).

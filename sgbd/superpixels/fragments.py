@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap
-from sgbd.compiled import HAS_NUMBA, compiled
+from sgbd.machine.compiled import HAS_NUMBA, compiled
 from sgbd.repaint import repaint
 from sgbd.superpixels.connect import connected_regions, intersect, merge_fragments
 

@@ -22,7 +22,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from sgbd.compiled import compiled
+from sgbd.machine.compiled import compiled
 
 Planes = npt.NDArray[np.float32]
 """float32 [3, H, W]. Colours: L, a, b. Depth: w z, w and 0, where w is 1 for valid pixels and 0 for missing ones."""

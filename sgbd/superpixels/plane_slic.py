@@ -7,10 +7,10 @@ from functools import partial
 import numpy as np
 
 from sgbd.adjacency import LabelMap
-from sgbd.compiled import HAS_NUMBA
 from sgbd.frame import Frame
-from sgbd.reused_memory import reused
-from sgbd.side_by_side import bands, side_by_side, thread_count
+from sgbd.machine.compiled import HAS_NUMBA
+from sgbd.machine.reused_memory import reused
+from sgbd.machine.side_by_side import bands, side_by_side, thread_count
 from sgbd.superpixels.feature_planes import TO_XYZ, gaussian_weights, linear_intensities, smooth, write_lab
 from sgbd.superpixels.fragments import connected_superpixels
 from sgbd.superpixels.local_k_means import Cells

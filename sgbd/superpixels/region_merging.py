@@ -17,9 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap
-from sgbd.compiled import compiled
+from sgbd.machine.compiled import compiled
+from sgbd.machine.side_by_side import side_by_side
 from sgbd.repaint import repaint
-from sgbd.side_by_side import side_by_side
 from sgbd.superpixels.slanted_planes import DISPARITY, plane_fit
 
 # Sums over a region: its pixels and their colours, then over those with depth what a plane needs, and d d.

@@ -22,8 +22,8 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from sgbd.compiled import compiled
-from sgbd.side_by_side import bands, side_by_side
+from sgbd.machine.compiled import compiled
+from sgbd.machine.side_by_side import bands, side_by_side
 from sgbd.superpixels import local_k_means
 from sgbd.superpixels.local_k_means import Cells, Samples, gather, least_of_nine, scatter
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap
 from sgbd.frame import Frame
-from sgbd.side_by_side import side_by_side
+from sgbd.machine.side_by_side import side_by_side
 from sgbd.superpixels.fragments import connected_superpixels
 
 Superpixels = Callable[[Frame], LabelMap]

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from sgbd.adjacency import LabelMap
-from sgbd.compiled import HAS_NUMBA
 from sgbd.frame import Frame
-from sgbd.reused_memory import reused
-from sgbd.side_by_side import bands, side_by_side, thread_count
+from sgbd.machine.compiled import HAS_NUMBA
+from sgbd.machine.reused_memory import reused
+from sgbd.machine.side_by_side import bands, side_by_side, thread_count
 from sgbd.superpixels.feature_planes import (
     FARTHEST,
     TO_XYZ,

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig
 
-from sgbd.configuration import config_folder
+from sgbd.jobs.configuration import config_folder
 
 SMALL = (
     "size=[64,48]",

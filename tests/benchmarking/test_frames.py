@@ -8,7 +8,7 @@ from PIL import Image
 
 from sgbd.benchmarking.dataset import IGNORED, write_dataset
 from sgbd.benchmarking.frames import RawFrame, made_up_scene, raw_frames
-from sgbd.configuration import ConfigurationError
+from sgbd.jobs.configuration import ConfigurationError
 from sgbd.sources import DatasetNotFoundError
 
 

@@ -6,7 +6,7 @@ import pytest
 from sgbd.benchmarking.checkpoints import configured_checkpoint
 from sgbd.benchmarking.frames import made_up_scene
 from sgbd.benchmarking.methods import make_method, with_option
-from sgbd.configuration import ConfigurationError
+from sgbd.jobs.configuration import ConfigurationError
 from tests.benchmarking.configured import small_benchmark
 
 

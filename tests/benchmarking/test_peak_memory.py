@@ -6,7 +6,7 @@ import numpy as np
 
 from sgbd.benchmarking.fresh_process import MEBIBYTE
 from sgbd.benchmarking.peak_memory import PeakMemory, this_process, worker_processes
-from sgbd.workers import map_in_order
+from sgbd.machine.workers import map_in_order
 
 
 def hold(mebibytes: int) -> int:

@@ -6,8 +6,8 @@ import pytest
 
 from sgbd.benchmarking.environment import environment, limited_to
 from sgbd.benchmarking.report import Report
-from sgbd.configuration import ConfigurationError
-from sgbd.processors import usable_processors
+from sgbd.jobs.configuration import ConfigurationError
+from sgbd.machine.processors import usable_processors
 
 
 def test_tables_are_aligned_and_leave_empty_columns_out():

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 from torch_geometric.data import Data
 
-from sgbd.compiled import HAS_NUMBA
+from sgbd.machine.compiled import HAS_NUMBA
 from sgbd.models import GatedGCN, SymmetricGCN, gated_messages, in_evaluation
 from tests.graph_samples import graph_of_pairs, grid_graph
 

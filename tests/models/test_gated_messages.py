@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from sgbd.compiled import HAS_NUMBA
+from sgbd.machine.compiled import HAS_NUMBA
 from sgbd.models import gated_gcn
 from sgbd.models.gated_gcn import GatedConvolution
 from sgbd.models.gated_messages import gated_messages, has_messages_compiled

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch_geometric.nn import MLP
 
+from sgbd.machine.torch_threads import torch_threads
 from sgbd.models import perceptron
 from sgbd.models.perceptron import ROWS_AT_ONCE, TOO_FEW_TO_SHARE, Perceptron, equal_blocks
-from sgbd.torch_threads import torch_threads
 
 FORMS: list[dict[str, Any]] = [
     {},

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from sgbd.configuration import ConfigurationError
+from sgbd.jobs.configuration import ConfigurationError
 from sgbd.reporting.gallery import collect
 from sgbd.reporting.panels import PANELS
 from sgbd.reporting.runs import read_run

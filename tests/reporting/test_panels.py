@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from sgbd.configuration import ConfigurationError
+from sgbd.jobs.configuration import ConfigurationError
 from sgbd.reporting.panels import PANELS, GalleryFrame, encoded, frame_panels, read_index, write_index, write_panels
 from tests.reporting.segmentations import halves
 from tests.scenes import SEEN, scene

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from sgbd.configuration import ConfigurationError
+from sgbd.jobs.configuration import ConfigurationError
 from sgbd.reporting.runs import read_results, read_run
 from tests.reporting.result_folders import SCORES, write_run, write_sweep
 

@@ -15,14 +15,14 @@ import numpy as np
 from PIL import Image
 from tqdm import tqdm
 
-from sgbd.atomic_file import write_whole
-from sgbd.one_process_at_a_time import one_process_at_a_time
-from sgbd.processors import usable_processors
+from sgbd.machine.atomic_file import write_whole
+from sgbd.machine.one_process_at_a_time import one_process_at_a_time
+from sgbd.machine.processors import usable_processors
+from sgbd.machine.workers import WorkerError, map_in_order
 from sgbd.sources.categories import TABLE_CATEGORY, TOD_CATEGORIES, TOD_SYNSETS
 from sgbd.sources.errors import MissingExtraError
 from sgbd.sources.synthetic.recipe import FIRST_VIEW, FOLDERS, Recipe
 from sgbd.sources.synthetic.variety import VARIETIES
-from sgbd.workers import WorkerError, map_in_order
 
 log = logging.getLogger(__name__)
 

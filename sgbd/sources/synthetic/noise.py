@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from sgbd.compiled import compiled
+from sgbd.machine.compiled import compiled
 
 
 @compiled(inline="always")

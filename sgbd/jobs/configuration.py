@@ -1,0 +1,176 @@
+"""Where the configuration lies, and how the command-line entry points are started and fail."""
+
+from __future__ import annotations
+
+import errno
+import functools
+import os
+import shlex
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import CompactHydraException, HydraException, InstantiationException
+from hydra.types import RunMode
+from omegaconf import DictConfig
+from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
+
+from sgbd.jobs.misspelled_keys import suggestions
+from sgbd.jobs.unreadable_arguments import spellings
+from sgbd.machine.processors import usable_processors
+
+INTERRUPTED = 130
+"""Exit status after Ctrl-C, as shells report it (128 + SIGINT)."""
+
+
+class ConfigurationError(ValueError):
+    """A configuration that cannot be run; the message says what was given, what is expected and what to do."""
+
+
+class ExpectedError(CompactHydraException):
+    """An error that its message explains completely; Hydra prints it without a traceback."""
+
+
+def config_folder() -> Path:
+    """Return the folder of the shipped configuration: `sgbd/conf` of a wheel or `conf/` of a checkout.
+
+    Raises:
+        ConfigurationError: If the package was copied without its configuration.
+    """
+    package = Path(__file__).resolve().parent.parent
+    # A wheel first: beside an installed package, site-packages/conf would be somebody else's.
+    for folder in (package / "conf", package.parent / "conf"):
+        if (folder / "train.yaml").is_file():
+            return folder
+    raise ConfigurationError(
+        f"the configuration is missing: neither {package / 'conf'} nor {package.parent / 'conf'} holds train.yaml. "
+        "Install the package with pip, or keep sgbd/ and conf/ of a checkout side by side."
+    )
+
+
+def count_workers(workers: int | None) -> int:
+    """Return the number of worker processes: `workers`, or one for each CPU this process may use if it is None.
+
+    Raises:
+        ConfigurationError: If `workers` is negative.
+    """
+    if workers is None:
+        return len(usable_processors())
+    if workers < 0:
+        raise ConfigurationError(
+            f"workers must be null (one a CPU), 0 (none, all in this process) or more; got {workers}"
+        )
+    return workers
+
+
+def output_folder() -> Path:
+    """Return the folder of the running Hydra job."""
+    return Path(HydraConfig.get().runtime.output_dir)
+
+
+def entry_point(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Callable[[], None]]:
+    """Make a command of a function of the configuration: `hydra.main` with errors meant for people.
+
+    Errors that the user can mend are printed as their message alone (set HYDRA_FULL_ERROR=1 for the traceback too).
+    Other errors are faults of the program and keep their traceback. Either way the process ends with status 1, and
+    with 130 after Ctrl-C.
+
+    Args:
+        config_name: The configuration to compose, a YAML file of `config_folder` without its suffix.
+
+    Returns:
+        The decorator.
+    """
+
+    def decorate(task: Callable[[DictConfig], Any]) -> Callable[[], None]:
+        begun = False
+
+        @functools.wraps(task)
+        def guarded(config: DictConfig) -> Any:
+            nonlocal begun
+            begun = True
+            try:
+                return task(config)
+            except KeyboardInterrupt:
+                print(f"\nInterrupted. {_how_to_continue()}", file=sys.stderr)
+                raise
+            except Exception as error:
+                message = explain(error)
+                if message is None or os.environ.get("HYDRA_FULL_ERROR", "0") not in ("", "0"):
+                    raise
+                raise ExpectedError(message) from None
+
+        launch = hydra.main(config_path=str(config_folder()), config_name=config_name, version_base="1.3")(guarded)
+
+        @functools.wraps(task)
+        def run() -> None:
+            try:
+                launch()
+            except KeyboardInterrupt:
+                sys.exit(INTERRUPTED)
+            except SystemExit as end:
+                # Hydra has refused an argument, and advises to add what may be misspelt.
+                if end.code and not begun:
+                    arguments = sys.argv[1:]
+                    for advice in spellings(arguments) or suggestions(config_folder(), config_name, arguments):
+                        print(advice, file=sys.stderr)
+                raise
+
+        return run
+
+    return decorate
+
+
+def explain(error: BaseException) -> str | None:
+    """Return what to tell the user about `error`, or None if it is a fault of the program that needs its traceback."""
+    if isinstance(error, InstantiationException):
+        cause = error.__cause__
+        told = explain(cause) if cause is not None else None
+        # Without a known cause: a wrong argument or `_target_`; Hydra's message names the key.
+        return told or (_with_reason(error, cause) if isinstance(cause, ImportError) else str(error))
+    if isinstance(error, MissingMandatoryValue):
+        key = error.full_key or "a mandatory value"
+        return f"{key} is not set. Give it on the command line: {key}=<value>"
+    if isinstance(error, ValueError) and _raised_here(error):
+        return str(error)
+    if isinstance(error, OmegaConfBaseException | HydraException) or type(error).__module__.partition(".")[0] == "sgbd":
+        # The package defines an error class only where the message tells people what to do.
+        return str(error)
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+        where = f" while writing {error.filename}" if error.filename else ""
+        return f"the disk is full{where}. Make room. {_how_to_continue()}"
+    if isinstance(error, FileExistsError | NotADirectoryError):
+        return (
+            f"{error.filename}: a file lies where a folder is needed ({error.strerror}). Name another place, or move "
+            "the file away."
+        )
+    if isinstance(error, FileNotFoundError | PermissionError | IsADirectoryError):
+        return str(error)
+    return None
+
+
+def _with_reason(error: BaseException, cause: ImportError) -> str:
+    """Return the message of an import that failed with what was missing, which Hydra leaves to the traceback."""
+    message = str(error).replace(", set env var HYDRA_FULL_ERROR=1 to see chained exception", "")
+    return f"{message}\n{cause}\nModules are found in the current folder, on PYTHONPATH and among what is installed."
+
+
+def _raised_here(error: BaseException) -> bool:
+    """Return whether a module of the package raised the error itself, with a message of its own."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    return trace is not None and str(trace.tb_frame.f_globals.get("__name__", "")).startswith("sgbd.")
+
+
+def _how_to_continue() -> str:
+    """Return how an interrupted job goes on; what is finished in it is kept."""
+    kept = "What is finished is kept; "
+    settings = HydraConfig.get() if HydraConfig.initialized() else None
+    if settings is None or settings.mode != RunMode.RUN or settings.job.name != "train":
+        return kept + "repeat the command to go on."
+    overrides = shlex.join([*settings.overrides.task, f"hydra.run.dir={settings.runtime.output_dir}"])
+    return f"{kept}go on with: python -m sgbd.{settings.job.name} {overrides}"

@@ -1,0 +1,198 @@
+"""One experiment: prepare, train, evaluate, draw, as a configuration says."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from hydra.utils import instantiate
+from lightning_fabric import seed_everything
+from omegaconf import DictConfig
+
+from sgbd.batches import FIELDS
+from sgbd.checkpoint import Checkpoint
+from sgbd.data import SuperpixelGraphDataset
+from sgbd.evaluation import Evaluation, Evaluator, with_truth
+from sgbd.features import edge_columns, node_columns
+from sgbd.jobs.configuration import ConfigurationError, count_workers
+from sgbd.jobs.pipeline import frame_source, open_graphs, prepare_splits, splits_of
+from sgbd.jobs.untrained import configured_block, trusted_packages, untrained_checkpoint
+from sgbd.machine.atomic_file import write_whole
+from sgbd.models import EdgeClassifier, ObjectnessHead
+from sgbd.node_block import split_groups
+from sgbd.reporting.plot import history_figure
+from sgbd.reporting.results import draw_examples, example_frames, write_evaluation, write_figure
+from sgbd.segmenter import Segmenter
+from sgbd.training import Trainer, TrainingResult
+from sgbd.tuning import TUNING_FILE
+
+log = logging.getLogger(__name__)
+
+
+class Validation:
+    """Scores of the validation graphs after an epoch. A class, not a closure: training processes are sent it.
+
+    Args:
+        graphs: The validation graphs.
+        evaluate: What scores them.
+    """
+
+    def __init__(self, graphs: SuperpixelGraphDataset, evaluate: Evaluator) -> None:
+        self.graphs = graphs
+        self.evaluate = evaluate
+
+    def __call__(self, model: EdgeClassifier, objectness: ObjectnessHead | None) -> Mapping[str, float]:
+        """Return the scores, those over all objects without a prefix."""
+        scores = self.evaluate(self.graphs, model, objectness).scores
+        return {name.removeprefix("all/"): value for name, value in scores.items()}
+
+
+def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
+    """Prepare, train and evaluate as configured.
+
+    Args:
+        config: A configuration with the keys of conf/train.yaml.
+        folder: Where checkpoint, curves, scores and pictures go.
+
+    Returns:
+        What `result.json` holds: scores, parameters, best epoch and the checkpoint's file name.
+
+    Raises:
+        ConfigurationError: If the dataset has no training split, or no validation split to choose thresholds on.
+    """
+    workers = count_workers(config.workers)
+    _check(config)
+    splits = _usable_splits(config, workers)
+    # Before the frames are prepared: an impossible model is better known at once.
+    seed_everything(config.seed, verbose=False)
+    initial = untrained_checkpoint(config)
+    # Of all splits before the training: a dataset that cannot be scored is told of now.
+    graphs = _graphs_by_split(config, splits, initial.recipe["features"])
+    trained = _train(config, initial, graphs, folder)
+    write_figure(history_figure(trained.history, f"best epoch {trained.best_epoch}"), folder / "curves.png")
+    if config.tuning is not None:
+        _tune(config, graphs["val"], trained.checkpoint, folder)
+    scores = _test(config, graphs["test"], trained, folder, workers).scores if "test" in graphs else {}
+    return {
+        "checkpoint": trained.checkpoint.name,
+        "parameters": sum(parameter.numel() for parameter in initial.model.parameters()),
+        "best_epoch": trained.best_epoch,
+        "validation_score": trained.best_score,
+        "scores": scores,
+    }
+
+
+def _check(config: DictConfig) -> None:
+    """Find what cannot be trained before hours may go into frames and graphs."""
+    if not isinstance(config.seed, int) or config.seed < 0:
+        raise ConfigurationError(f"seed must be an integer of at least 0; got {config.seed!r}")
+    if not isinstance(config.pictures, int) or config.pictures < 0:
+        raise ConfigurationError(f"pictures must be an integer of at least 0; got {config.pictures!r}")
+    for key, columns in (("node", node_columns), ("edge", edge_columns)):
+        groups = config.features[key]
+        if isinstance(groups, str):
+            raise ConfigurationError(f"features.{key} must be a list of groups: features.{key}=[{groups}]")
+        # Whether a block has the others, making the model shows.
+        columns(split_groups(groups)[0] if key == "node" else groups)
+    # The models need to know the graphs; that their classes exist can be seen now.
+    for group in (config.model, config.objectness):
+        if group is not None:
+            instantiate({"_target_": group._target_, "_partial_": True})
+    for group in (config.partition, config.objects, config.trainer, config.sampler, config.superpixels, config.graph):
+        instantiate(group)
+    if config.tuning is not None:
+        instantiate(config.tuning)
+
+
+def _usable_splits(config: DictConfig, workers: int) -> tuple[str, ...]:
+    """Return the splits of the dataset, which must have what a training and its tuning need."""
+    splits = splits_of(frame_source(config.dataset, workers))
+    if "train" not in splits:
+        # A folder that is not there says so itself.
+        len(frame_source(config.dataset, workers, splits[0]))
+        raise ConfigurationError(
+            f"the dataset has no training frames, only {', '.join(splits)}. Choose another dataset, or score a trained "
+            "model on this one: python -m sgbd.evaluate"
+        )
+    if config.tuning is not None and "val" not in splits:
+        raise ConfigurationError(
+            "the dataset has no validation frames to choose thresholds on; keep the configured ones with tuning=none"
+        )
+    for split, consequence in (
+        ("val", "the dataset has no validation frames: the last epoch's weights are kept"),
+        ("test", "the dataset has no test frames: nothing will be evaluated"),
+    ):
+        if split not in splits:
+            log.warning(consequence)
+    return splits
+
+
+def _graphs_by_split(
+    config: DictConfig, splits: Sequence[str], features: Mapping[str, Any]
+) -> dict[str, SuperpixelGraphDataset]:
+    """Prepare all splits, and open the graphs that have truth; of the training graphs only what training reads."""
+    block = configured_block(config)
+    cache = prepare_splits(config, splits, block)
+    graphs = {}
+    for split in splits:
+        fields = ("name", *FIELDS) if split == "train" else None
+        opened = open_graphs(cache, split, features, block, in_memory=config.in_memory, fields=fields)
+        graphs[split] = with_truth(opened, config.on_error)
+    return graphs
+
+
+def _train(
+    config: DictConfig, initial: Checkpoint, graphs: Mapping[str, SuperpixelGraphDataset], folder: Path
+) -> TrainingResult:
+    """Train, with the scores of the validation frames after every epoch if there are any."""
+    trainer: Trainer = instantiate(config.trainer)
+    validate = None
+    if "val" in graphs:
+        evaluator = Evaluator(instantiate(config.partition), instantiate(config.objects), boundaries=False)
+        validate = Validation(graphs["val"], evaluator)
+    return trainer.train(
+        initial.model,
+        graphs["train"],
+        sampler=instantiate(config.sampler),
+        folder=folder,
+        recipe={
+            **initial.recipe,
+            "dataset": graphs["train"].recipe["dataset"],
+            "seed": config.seed,
+            "versions": {package: version(package) for package in ("sgbd", "torch", "torch-geometric")},
+        },
+        objectness=initial.objectness,
+        first_stage=initial.first_stage,
+        validate=validate,
+        loggers=[instantiate(logger) for logger in config.logger.values()],
+    )
+
+
+def _tune(config: DictConfig, validation: SuperpixelGraphDataset, path: Path, folder: Path) -> None:
+    """Choose thresholds on the validation frames, and write them into the checkpoint."""
+    trust = trusted_packages(config)
+    checkpoint = Checkpoint.load(path, trust)
+    # From the configuration: a job that is gone on with finds thresholds in the file that are tuned already.
+    recipe = untrained_checkpoint(config).recipe
+    tuned = instantiate(config.tuning)(
+        validation, checkpoint.model, checkpoint.objectness, recipe["partition"], recipe["objects"], trust
+    )
+    checkpoint.recipe |= tuned.sections
+    write_whole(folder / TUNING_FILE, tuned.table.to_csv(index=False).encode())
+    checkpoint.save(path)
+
+
+def _test(
+    config: DictConfig, dataset: SuperpixelGraphDataset, trained: TrainingResult, folder: Path, workers: int
+) -> Evaluation:
+    """Score the best epoch's checkpoint, as read from its file, on the test frames."""
+    segmenter = Segmenter.load(trained.checkpoint, trust=trusted_packages(config))
+    evaluate = Evaluator(segmenter.partition, segmenter.rule, calibration=segmenter.calibration)
+    evaluation = evaluate(dataset, segmenter.model, segmenter.objectness, progress=True)
+    write_evaluation(evaluation, folder)
+    source = frame_source(config.dataset, workers, "test")
+    draw_examples(example_frames(evaluation, config.pictures), evaluation, source, segmenter, folder)
+    return evaluation

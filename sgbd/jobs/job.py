@@ -1,0 +1,184 @@
+"""A job in its folder: run once, gone on with after an interruption, and never overwritten."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import math
+import os
+import re
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from omegaconf import DictConfig, OmegaConf, open_dict
+
+from sgbd import __version__
+from sgbd.jobs.configuration import ConfigurationError
+from sgbd.machine.atomic_file import write_whole
+from sgbd.machine.one_process_at_a_time import one_process_at_a_time
+
+log = logging.getLogger(__name__)
+
+RESULT_FILE = "result.json"
+JOB_FILE = "job.json"
+LOCK_FILE = ".job.lock"
+ASIDE = "earlier-"
+
+PLACES = ("data_dir", "cache_dir", "output_dir")
+"""Keys that say where files lie; whatever they are, the result is the same."""
+IMMATERIAL = ("name", "workers", "logger", "in_memory", "pictures")
+"""Keys that don't change the result either."""
+
+IMMATERIAL_IN_TRAINER = ("num_workers", "log_every", "progress")
+
+LONGEST_NAME = 150
+"""Characters of a job's folder name; file systems end at 255 bytes."""
+
+
+def config_hash(config: DictConfig) -> str:
+    """Return a digest of everything in a job's configuration that its result depends on, and of the package's version.
+
+    Args:
+        config: A job's configuration, without the node `hydra`.
+
+    Returns:
+        64 hexadecimal digits.
+    """
+    material = config.copy()
+    with open_dict(material):
+        for key in IMMATERIAL:
+            material.pop(key, None)
+        for key in IMMATERIAL_IN_TRAINER:
+            if isinstance(material.get("trainer"), DictConfig):
+                material.trainer.pop(key, None)
+        for key in PLACES:
+            if key in material:
+                # Not removed: other values are interpolated from these, and move with them.
+                material[key] = f"<{key}>"
+    values = OmegaConf.to_container(material, resolve=True, enum_to_str=True)
+    return digest([__version__, values])
+
+
+def job_folder(override_dirname: str) -> str:
+    """Return a folder name for a job of a sweep, from the overrides that set it apart.
+
+    Args:
+        override_dirname: Hydra's `hydra.job.override_dirname`, such as `features=rgb,model=mlp`.
+
+    Returns:
+        One path component: separators become `_`, and names too long for a file system end in a digest. `base` if
+        there are no overrides.
+    """
+    name = re.sub(r"[/\\:\s]+", "_", override_dirname).lstrip(".") or "base"
+    if len(name) > LONGEST_NAME:
+        name = f"{name[: LONGEST_NAME - 11]}-{digest(override_dirname)[:10]}"
+    return name
+
+
+OmegaConf.register_new_resolver("job_folder", job_folder, replace=True)
+
+
+def run_once(folder: Path, config: DictConfig, job: Callable[[DictConfig, Path], Mapping[str, Any]]) -> dict[str, Any]:
+    """Run a job in its folder, or return its result if it has finished there before with the same configuration.
+
+    - A job that was interrupted finds its own files in the folder and may go on from them.
+    - Files of a job with another configuration are first moved to the subfolder `earlier-1`, `earlier-2`, …
+    - Of two processes with the same folder the second waits, and then finds the first one's result.
+
+    `result.json` is written last, and at once.
+
+    Args:
+        folder: The job's own folder; made if needed.
+        config: The job's configuration. A copy is written to `config.yaml`.
+        job: What to do: a function of the configuration and the folder. It returns values that JSON can hold, with
+            shares from 0 to 1 under the key `scores`.
+
+    Returns:
+        What the job returned, with `config_hash` and `seconds`.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with one_process_at_a_time(folder / LOCK_FILE, log, f"runs the job in {folder}"):
+        identity = config_hash(config)
+        previous = read_json(folder / JOB_FILE)
+        if previous is not None and previous["config_hash"] != identity:
+            move_aside(folder, keep=previous["found"])
+            previous = None
+        result = read_json(folder / RESULT_FILE) if previous is not None else None
+        if result is not None:
+            log.info("This job has finished before with the same configuration: %s", folder / RESULT_FILE)
+            return result
+        if previous is None:
+            found = sorted(path.name for path in folder.iterdir() if path.name != LOCK_FILE)
+            write_json(folder / JOB_FILE, {"config_hash": identity, "found": found})
+        else:
+            log.info("Going on with the interrupted job in %s", folder)
+        OmegaConf.save(config, folder / "config.yaml")
+        started = time.perf_counter()
+        result = {"config_hash": identity, **job(config, folder)}
+        result["seconds"] = time.perf_counter() - started
+        write_json(folder / RESULT_FILE, result)
+        return result
+
+
+def move_aside(folder: Path, keep: Sequence[str] = (), only: Sequence[str] | None = None) -> None:
+    """Move the contents of a folder to its next free subfolder `earlier-<n>`.
+
+    Args:
+        folder: The folder.
+        keep: Names of files that stay.
+        only: Names of those that go, if they are there; None for all.
+    """
+    names = sorted(path.name for path in folder.iterdir()) if only is None else list(only)
+    names = [
+        name
+        for name in names
+        if name not in keep and name != LOCK_FILE and not name.startswith(ASIDE) and (folder / name).exists()
+    ]
+    taken = [int(path.name[len(ASIDE) :]) for path in folder.glob(f"{ASIDE}*") if path.name[len(ASIDE) :].isdigit()]
+    target = folder / f"{ASIDE}{max(taken, default=0) + 1}"
+    target.mkdir()
+    for name in names:
+        (folder / name).rename(target / name)
+    log.info("%s holds the result of another configuration; moved to %s", folder, target)
+
+
+def digest(value: Any) -> str:
+    """Return 64 hexadecimal digits that differ for different JSON values, whatever the order of their keys."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def read_json(path: Path) -> dict[str, Any] | None:
+    """Return the mapping in a JSON file, or None if there is no such file.
+
+    Raises:
+        ConfigurationError: If the file is damaged.
+    """
+    try:
+        value = json.loads(path.read_text())
+    except FileNotFoundError:
+        return None
+    except json.JSONDecodeError as error:
+        raise ConfigurationError(f"{path} is damaged ({error}); remove it and repeat the command") from None
+    assert isinstance(value, dict)
+    return value
+
+
+def write_json(path: Path, value: Mapping[str, Any]) -> None:
+    """Write a mapping as a JSON file, whole or not at all; numbers that are not finite become null."""
+    write_whole(path, (json.dumps(_plain(value), indent=2, allow_nan=False) + "\n").encode())
+
+
+def _plain(value: Any) -> Any:
+    """Return a value of plain JSON types: NumPy numbers become Python's, numbers that are not finite null."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if hasattr(value, "item") and not isinstance(value, str):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return str(value) if isinstance(value, os.PathLike) else value

@@ -1,0 +1,144 @@
+"""From a configuration to frames, and on to their prepared graphs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from hydra.utils import instantiate
+from omegaconf import DictConfig
+
+from sgbd.data import SuperpixelGraphDataset
+from sgbd.evaluation import with_truth
+from sgbd.jobs.configuration import ConfigurationError, count_workers
+from sgbd.node_block import NodeBlock
+from sgbd.node_block_cache import node_block_folder, prepare_node_block
+from sgbd.preparation import prepare
+from sgbd.sources import FrameSource
+
+if TYPE_CHECKING:
+    from sgbd.checkpoint import Checkpoint
+    from sgbd.segmenter import Segmenter
+
+
+def frame_source(dataset: DictConfig, workers: int, split: str | None = None) -> FrameSource:
+    """Open a split of the configured dataset; an embedded dataset that is not on disk yet is generated first.
+
+    Args:
+        dataset: What to instantiate.
+        workers: Processes for generating; 0 for this one alone.
+        split: Which split; None for the dataset's own default.
+
+    Returns:
+        The frames.
+    """
+    options: dict[str, Any] = {} if split is None else {"split": split}
+    source: FrameSource = instantiate(dataset, **options)
+    generate = getattr(source, "generate", None)
+    if generate is not None:
+        generate(workers=workers)
+    return source
+
+
+def splits_of(source: FrameSource) -> tuple[str, ...]:
+    """Return the splits of a dataset; its own if it has none, so that reading that one says what is missing."""
+    return source.splits or (source.split,)
+
+
+def frame_source_of_split(dataset: DictConfig, workers: int, split: str) -> FrameSource:
+    """Open one split of the configured dataset, as `frame_source` does.
+
+    Raises:
+        ConfigurationError: If the dataset has no such split.
+    """
+    source = frame_source(dataset, workers, split)
+    splits = splits_of(source)
+    if split not in splits:
+        raise ConfigurationError(f"the dataset has no split {split!r}; choose from {', '.join(splits)}")
+    return source
+
+
+def prepare_splits(config: DictConfig, splits: Sequence[str], block: NodeBlock | None = None) -> Path:
+    """Prepare the graphs of some splits as configured, or find them prepared.
+
+    Args:
+        config: A configuration with the keys of conf/prepare.yaml.
+        splits: Their names.
+        block: Node features to add to them.
+
+    Returns:
+        The folder of the recipe, which holds a folder for each split.
+    """
+    workers = count_workers(config.workers)
+    superpixels, graph = instantiate(config.superpixels), instantiate(config.graph)
+    folders = []
+    for split in splits:
+        source = frame_source(config.dataset, workers, split)
+        folder = prepare(source, superpixels, graph, config.cache_dir, workers=workers, on_error=config.on_error)
+        if block is not None:
+            prepare_node_block(folder, source, block)
+        folders.append(folder)
+    # All splits of a dataset have one recipe, and so one folder.
+    return folders[-1]
+
+
+def open_graphs(
+    folder: Path, split: str, features: Mapping[str, Any], block: NodeBlock | None, **options: Any
+) -> SuperpixelGraphDataset:
+    """Open prepared graphs with some of their feature columns.
+
+    Args:
+        folder: The folder of the recipe.
+        split: Which split.
+        features: Groups of columns by `node` and `edge`, as in a configuration or a checkpoint's recipe.
+        block: What has the columns of a node feature group beyond those of every graph; None if no group needs it.
+        **options: Further arguments of `sgbd.data.SuperpixelGraphDataset`.
+
+    Returns:
+        The graphs.
+    """
+    name = None if block is None else node_block_folder(block)
+    return SuperpixelGraphDataset(folder, split, features["node"], features["edge"], node_block=name, **options)
+
+
+def graphs_for(
+    segmenter: Segmenter, source: FrameSource, cache_dir: str | Path, workers: int, on_error: Literal["skip", "fail"]
+) -> SuperpixelGraphDataset:
+    """Prepare a dataset's graphs with a trained model's recipe, or find them prepared.
+
+    Args:
+        segmenter: The model.
+        source: The frames.
+        cache_dir: Where prepared graphs are kept.
+        workers: Processes.
+        on_error: What to do with a frame that cannot be used: `skip` or `fail`.
+
+    Returns:
+        The graphs, with the feature columns that the model was trained on.
+    """
+    folder = prepare(source, segmenter.superpixels, segmenter.graph, cache_dir, workers=workers, on_error=on_error)
+    if segmenter.node_block is not None:
+        prepare_node_block(folder, source, segmenter.node_block)
+    return open_graphs(folder, source.split, segmenter.recipe["features"], segmenter.node_block)
+
+
+def checkpoint_graphs(
+    config: DictConfig, checkpoint: Checkpoint, segmenter: Segmenter, source: FrameSource
+) -> SuperpixelGraphDataset:
+    """Prepare the graphs of frames with truth as a checkpoint's recipe says, or find them prepared.
+
+    Args:
+        config: A configuration with cache_dir, workers and on_error.
+        checkpoint: The checkpoint.
+        segmenter: Made of it.
+        source: The frames.
+
+    Returns:
+        The graphs that have truth, with the feature columns of the checkpoint's model.
+    """
+    prepared = graphs_for(segmenter, source, config.cache_dir, count_workers(config.workers), config.on_error)
+    dataset = with_truth(prepared, config.on_error)
+    # By construction; a difference would mean that the graphs are not what the model was trained on.
+    checkpoint.require(superpixels=dataset.recipe["superpixels"], graph=dataset.recipe["graph"])
+    return dataset

@@ -1,0 +1,1 @@
+"""What the package asks of the machine: compiled loops, threads, processes, memory and files."""

@@ -1,0 +1,132 @@
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from sgbd.machine.workers import WorkerError, map_in_order
+
+
+def square(index: int) -> int:
+    time.sleep(0.01 * (index % 3))  # so that later ones are done first
+    return index * index
+
+
+def environment(index: int) -> tuple[int, str | None, object]:
+    return os.getpid(), os.environ.get("OMP_NUM_THREADS"), signal.getsignal(signal.SIGINT)
+
+
+def fail_at_seven(index: int) -> int:
+    if index == 7:
+        raise KeyError("seven")
+    return index
+
+
+def die_at_seven(index: int) -> int:
+    if index == 7:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return index
+
+
+@pytest.mark.parametrize("workers", [0, 1, 3])
+def test_results_come_in_order(workers: int) -> None:
+    indices = list(range(40, 0, -1))
+    assert list(map_in_order(square, indices, workers)) == [index * index for index in indices]
+
+
+@pytest.mark.parametrize("chunk", [1, 7])
+def test_results_come_in_order_whatever_is_handed_over_at_a_time(chunk: int) -> None:
+    assert list(map_in_order(square, range(20), 2, chunk)) == [index * index for index in range(20)]
+
+
+def test_no_indices() -> None:
+    assert list(map_in_order(square, [], 2)) == []
+
+
+def test_workers_run_on_one_thread_and_leave_interruption_to_the_parent(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "5")
+    handler = signal.getsignal(signal.SIGINT)
+    results = set(map_in_order(environment, range(30), 2))
+    assert {threads for _, threads, _ in results} == {"1"}
+    assert {interrupt for _, _, interrupt in results} == {signal.SIG_IGN}
+    assert os.getpid() not in {pid for pid, _, _ in results}
+    assert os.environ["OMP_NUM_THREADS"] == "5"
+    assert signal.getsignal(signal.SIGINT) is handler
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_an_exception_comes_through_after_the_results_before_it(workers: int) -> None:
+    results = map_in_order(fail_at_seven, range(100), workers)
+    # Of the chunk that fails nothing is given; with 100 indices and two workers a chunk is 8.
+    assert list(itertools.islice(results, 7 if workers == 0 else 0)) == list(range(7 if workers == 0 else 0))
+    with pytest.raises(KeyError, match="seven"):
+        next(results)
+
+
+def test_a_killed_worker_is_an_error_that_says_so() -> None:
+    with pytest.raises(WorkerError, match="a worker process died"):
+        list(map_in_order(die_at_seven, range(20), 1))
+
+
+def test_a_pool_with_a_killed_worker_ends_however_often(tmp_path: Path) -> None:
+    for _ in range(5):
+        with pytest.raises(WorkerError, match="a worker process died"):
+            list(map_in_order(die_at_seven, range(200), 3))
+
+
+def test_closing_stops_early() -> None:
+    results = map_in_order(square, range(100_000), 2)
+    assert next(results) == 0
+    start = time.monotonic()
+    results.close()
+    assert time.monotonic() - start < 300, "the workers went on with the other 99,999"
+
+
+@pytest.mark.parametrize(
+    ("function", "workers", "message"), [(lambda index: index, 1, "top level of a module"), (square, -1, "got -1")]
+)
+def test_bad_arguments(function: Callable[[int], int], workers: int, message: str) -> None:
+    with pytest.raises(WorkerError, match=message):
+        map_in_order(function, range(3), workers)
+
+
+def _run(folder: Path, script: str) -> subprocess.CompletedProcess[str]:
+    (folder / "script.py").write_text(script)
+    return subprocess.run(
+        [sys.executable, folder / "script.py"], capture_output=True, text=True, timeout=300, check=False
+    )
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="runs a script as a POSIX process")
+def test_a_script_without_guard_gets_advice_instead_of_hanging(tmp_path: Path) -> None:
+    done = _run(
+        tmp_path,
+        "from sgbd.machine.workers import map_in_order\n"
+        "def twice(index): return 2 * index\n"
+        "print(list(map_in_order(twice, range(3), 1)))\n",
+    )
+    assert done.returncode != 0
+    assert "if __name__ == '__main__':" in done.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="runs a script as a POSIX process")
+def test_workers_import_the_main_script_only_for_what_is_defined_in_it(tmp_path: Path) -> None:
+    # Without a guard: it would start workers again if it were imported.
+    done = _run(
+        tmp_path, "from sgbd.machine.workers import map_in_order\nprint(list(map_in_order(abs, range(3), 1)))\n"
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "[0, 1, 2]\n"
+    done = _run(
+        tmp_path,
+        "from sgbd.machine.workers import map_in_order\n"
+        "def twice(index): return 2 * index\n"
+        "if __name__ == '__main__': print(list(map_in_order(twice, range(3), 1)), __file__.endswith('script.py'))\n",
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "[0, 2, 4] True\n"
