@@ -18,10 +18,10 @@ import numpy as np
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
-from tqdm import tqdm
 
 from sgbd.frame import MILLIMETERS
 from sgbd.jobs.configuration import config_folder
+from sgbd.machine.progress_bar import ProgressBar
 
 OWN = ("split", "output")
 
@@ -36,7 +36,7 @@ def main() -> None:
     output = Path(given.output)
     output.mkdir(parents=True, exist_ok=True)
     cameras = set()
-    for frame in tqdm(source, "writing", len(source), unit="frame"):
+    for frame in ProgressBar(source, "writing", len(source), unit="frame"):
         stem = frame.name.replace("/", "_")
         depth = np.clip(frame.depth / MILLIMETERS, 0, 65535).round().astype(np.uint16)
         iio.imwrite(output / f"{stem}_rgb.png", frame.rgb)

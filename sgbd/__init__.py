@@ -17,7 +17,7 @@ What is where:
 - Runs as configured: `jobs` (configuration and hints at mistyped arguments, frames and graphs, the untrained model,
   from frames to scores, once in its folder, many and their table).
 - Comparisons: `baselines`, `comparison`, `comparison_results`; `benchmarking` of speed and memory; `onnx_export`.
-- What the machine has to give: `machine` (compiled loops, threads, processes, memory, files).
+- What the machine has to give: `machine` (compiled loops, threads, processes, memory, files, progress bars).
 - Commands, each run with ``python -m``: `prepare`, `train`, `tune`, `evaluate`, `predict`, `compare`, `report`,
   `export`, `feature_importance`, `benchmark`, `split`, `semantic_masks`.
 """

@@ -10,7 +10,6 @@ import numpy.typing as npt
 import pandas as pd
 from hydra.utils import instantiate
 from omegaconf import DictConfig
-from tqdm import tqdm
 
 from sgbd.checkpoint import Checkpoint, find_checkpoint
 from sgbd.evaluation import Evaluation, Evaluator, mean_scores, with_truth
@@ -20,6 +19,7 @@ from sgbd.jobs.configuration import ConfigurationError
 from sgbd.jobs.pipeline import graphs_for
 from sgbd.label_images import LabelImages
 from sgbd.label_map_evaluation import LabelMapMethod, evaluate_label_maps
+from sgbd.machine.progress_bar import ProgressBar
 from sgbd.machine.torch_threads import torch_threads
 from sgbd.metrics import ContingencyTable, objects_by_majority, oracle_table
 from sgbd.segmentation import classify, partition_graph
@@ -155,7 +155,7 @@ def judge_model(name: str, segmenter: Segmenter, source: FrameSource, config: Di
     has_head = segmenter.objectness is not None
     scored, failures = [], []
     with torch_threads(1):
-        for data in tqdm(dataset, name, unit="frame"):
+        for data in ProgressBar(dataset, name, unit="frame"):
             classification = classify(segmenter.model, segmenter.objectness, data)
             segments = partition_graph(data, classification, segmenter.partition, segmenter.rule, segmenter.calibration)
             scored.append(evaluator.score(data, segments, dataset.category_names, unaided=has_head))

@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 from torch import nn
-from tqdm import tqdm
 
 from sgbd.calibration import ScoreCalibration, expected_calibration_error, right_segments
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.label_map import unpack
+from sgbd.machine.progress_bar import ProgressBar
 from sgbd.machine.side_by_side import side_by_side, thread_count
 from sgbd.machine.torch_threads import torch_threads
 from sgbd.metrics import (
@@ -182,7 +182,7 @@ class Evaluator:
             module.eval()
         try:
             with torch_threads(1):
-                for data in tqdm(dataset, "evaluating", unit="frame", disable=not progress):
+                for data in ProgressBar(dataset, "evaluating", unit="frame", disable=not progress):
                     classification = classify(model, objectness, data)
                     segments = partition_graph(data, classification, self.partition, self.rule, self.calibration)
                     unaided = objectness is not None

@@ -9,12 +9,12 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
-from tqdm import tqdm
 
 from sgbd.evaluation import Evaluation, EvaluationError, GraphScores, mean_scores
 from sgbd.failures import Failures, classify_failures
 from sgbd.frame import Frame, FrameError
 from sgbd.label_images import LabelImages
+from sgbd.machine.progress_bar import ProgressBar
 from sgbd.machine.workers import map_in_order
 from sgbd.metrics import ContingencyTable, category_scores, objects_by_label, objects_by_majority, score_frame
 from sgbd.sources import FrameSource
@@ -168,7 +168,7 @@ def evaluate_label_maps(
     scored: list[ScoredFrame] = []
     left_out: dict[str, str] = {}
     results = map_in_order(ScoreFrame(source, method, boundaries), range(len(source)), workers)
-    bar = tqdm(results, title, len(source), unit="frame", disable=not progress)
+    bar = ProgressBar(results, title, len(source), unit="frame", disable=not progress)
     for name, result in zip(source.names, bar, strict=True):
         if isinstance(result, ScoredFrame):
             scored.append(result)

@@ -23,7 +23,6 @@ from typing import Any
 
 import torch
 from torch_geometric.data import Data
-from tqdm import tqdm
 
 from sgbd.graph_file import (
     FORMAT_VERSION,
@@ -38,6 +37,7 @@ from sgbd.graph_file import (
 from sgbd.label_map import unpack
 from sgbd.machine.atomic_file import write_whole
 from sgbd.machine.one_process_at_a_time import one_process_at_a_time
+from sgbd.machine.progress_bar import ProgressBar
 from sgbd.node_block import NodeBlock
 from sgbd.preparation import INDEX_FILE, RECIPE_FILE, PreparationError, frame_fingerprint, graph_file_name, read_index
 from sgbd.recipe import recipe_hash
@@ -166,7 +166,7 @@ def _compute(
     place = {name: index for index, name in enumerate(source.names)}
     pending = [name for name in graphs["names"] if not _is_current(split, folder / source.split, name)]
     made = len(graphs["names"]) - len(pending)
-    with tqdm(
+    with ProgressBar(
         total=len(graphs["names"]),
         initial=made,
         desc=f"{block.group} of {source.split}",

@@ -7,12 +7,11 @@ from pathlib import Path
 
 from hydra.utils import instantiate
 from omegaconf import DictConfig
-from tqdm import tqdm
-from tqdm.contrib.logging import logging_redirect_tqdm
 
 from sgbd.checkpoint import find_checkpoint
 from sgbd.frame import FrameError
 from sgbd.jobs.configuration import ConfigurationError, entry_point, output_folder
+from sgbd.machine.progress_bar import ProgressBar
 from sgbd.prediction import find_frames, write_segmentation
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameReadError
@@ -39,17 +38,16 @@ def main(config: DictConfig) -> None:
     )
     folder = output_folder() if config.output is None else Path(config.output).expanduser()
     failed = 0
-    with logging_redirect_tqdm():
-        for index in tqdm(range(len(frames)), "segmenting", unit="frame"):
-            try:
-                frame = frames[index]
-            except (FrameError, FrameReadError) as error:
-                if config.on_error == "fail":
-                    raise
-                failed += 1
-                log.error("skipped %s: %s", frames.names[index], error)
-                continue
-            write_segmentation(frame, segmenter.segment_frame(frame), folder)
+    for index in ProgressBar(range(len(frames)), "segmenting", unit="frame"):
+        try:
+            frame = frames[index]
+        except (FrameError, FrameReadError) as error:
+            if config.on_error == "fail":
+                raise
+            failed += 1
+            log.error("skipped %s: %s", frames.names[index], error)
+            continue
+        write_segmentation(frame, segmenter.segment_frame(frame), folder)
     if failed == len(frames):
         raise ConfigurationError(f"none of the {failed} frames could be read; the messages above say why")
     done = len(frames) - failed

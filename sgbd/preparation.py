@@ -29,7 +29,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from filelock import FileLock, Timeout
-from tqdm import tqdm
 
 from sgbd.adjacency import LabelMap
 from sgbd.features import EDGE_NAMES, NODE_NAMES
@@ -46,6 +45,7 @@ from sgbd.graph_file import (
     write_graph,
 )
 from sgbd.machine.atomic_file import write_whole
+from sgbd.machine.progress_bar import ProgressBar
 from sgbd.machine.workers import WorkerError, map_in_order
 from sgbd.own_columns import own_columns
 from sgbd.recipe import Recipe, folder_name, graph_recipe
@@ -277,7 +277,7 @@ def _outcomes(
     skipped = 0
     try:
         with (
-            tqdm(
+            ProgressBar(
                 total=len(summaries),
                 initial=len(summaries) - len(pending),
                 desc=f"graphs of {work.source.split}",
@@ -363,7 +363,7 @@ def _kept_graphs(source: FrameSource, split: Path, progress: bool) -> list[Graph
             path.unlink()  # of a process that was killed while it wrote
         present.add(path.name)
     summaries: list[GraphSummary | None] = []
-    names = tqdm(source.names, "looking for graphs", delay=1, leave=False, unit="frame", disable=not progress)
+    names = ProgressBar(source.names, "looking for graphs", delay=1, leave=False, unit="frame", disable=not progress)
     for index, name in enumerate(names):
         summary = None
         if graph_file_name(name) in present:
@@ -383,7 +383,7 @@ def _only_one_at_a_time(path: Path, split: Path, total: int, progress: bool) -> 
         lock.acquire(timeout=0)
     except Timeout:
         log.info("another process prepares %s: waiting until it is done", split)
-        with tqdm(total=total, desc=f"waiting for {split.name}", unit="frame", disable=not progress) as bar:
+        with ProgressBar(total=total, desc=f"waiting for {split.name}", unit="frame", disable=not progress) as bar:
             while not lock.is_locked:
                 bar.n = min(total, sum(1 for file in split.iterdir() if file.name.endswith(SUFFIX)))
                 bar.refresh()

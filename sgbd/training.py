@@ -23,7 +23,6 @@ from lightning_fabric.loggers import Logger
 from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits
 from torch_geometric.data import Data
-from tqdm import tqdm
 
 from sgbd.batches import EpochBatches, batches_in_order, derived_seeds
 from sgbd.checkpoint import CHECKPOINT_FILE, Checkpoint
@@ -31,6 +30,7 @@ from sgbd.graph_arrays import CUT, MERGE
 from sgbd.losses import EdgeLoss
 from sgbd.machine.atomic_file import write_whole
 from sgbd.machine.one_ahead import one_ahead
+from sgbd.machine.progress_bar import ProgressBar
 from sgbd.machine.torch_threads import torch_threads
 from sgbd.models import EdgeClassifier, ObjectnessHead, object_targets
 from sgbd.models.standardize import ColumnMoments
@@ -349,7 +349,7 @@ class Trainer:
             fabric.world_size,
             pin_memory=fabric.device.type == "cuda",
         )
-        bar = tqdm(
+        bar = ProgressBar(
             total=self.epochs * len(batches),
             initial=state["epoch"] * len(batches),
             desc="training",
@@ -378,7 +378,9 @@ class Trainer:
                     best = state["best"]
                     waited = epoch - best["epoch"]
                     stop = self.patience is not None and waited >= self.patience
-                    bar.set_postfix_str(_summary(losses, scores.get(self.monitor), best))
+                    summary = _summary(losses, scores.get(self.monitor), best)
+                    bar.set_postfix_str(summary)
+                    log.info("epoch %d of %d: %s", epoch, self.epochs, summary)
                     state |= {
                         "epoch": epoch,
                         "joint": _copied(module.state_dict()),
@@ -403,7 +405,7 @@ class Trainer:
         batches: EpochBatches,
         sampler: EdgeSampler,
         epoch: int,
-        bar: tqdm,
+        bar: ProgressBar,
     ) -> dict[str, float]:
         seed, sampling_seed = derived_seeds(self.seed, epoch, fabric.global_rank)
         torch.manual_seed(seed)
@@ -558,7 +560,7 @@ def survey_graphs(graphs: Sequence[Data], num_workers: int = 0, progress: bool =
     nodes = edges = None
     usable, merges, cuts, start = [], 0, 0, 0
     loader = batches_in_order(graphs, SURVEY_BATCH, num_workers)
-    for batch in tqdm(loader, desc="feature statistics", unit="batch", disable=not progress, leave=False):
+    for batch in ProgressBar(loader, desc="feature statistics", unit="batch", disable=not progress, leave=False):
         for field in ("x", "edge_attr"):
             if not torch.isfinite(batch[field]).all():
                 raise TrainingError(_not_finite(graphs, field, start))

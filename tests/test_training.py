@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import logging
 import math
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -104,6 +105,16 @@ def test_learns_what_the_features_give_away(tmp_path: Path) -> None:
     losses = result.history.loss
     assert losses.iloc[-1] < 0.5 * losses.iloc[0]
     assert result.history.objectness_loss.iloc[-1] < result.history.objectness_loss.iloc[0]
+
+
+def test_the_log_has_a_line_for_every_epoch(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.INFO, logger="sgbd.training"):
+        history = run(tmp_path, Trainer(epochs=2, progress=False))[0].history
+    scores = history["val/overlap_f"]
+    assert len(caplog.messages) == 2
+    for index, line in enumerate(caplog.messages):
+        assert line.startswith(f"epoch {index + 1} of 2: loss {history.loss[index]:.3f}, ")
+        assert f", validation {scores[index]:.4f}, best {scores[: index + 1].max():.4f} (epoch " in line
 
 
 def test_the_loss_is_the_mean_over_drawn_pairs_and_known_superpixels(tmp_path: Path) -> None:

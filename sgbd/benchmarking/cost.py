@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from omegaconf import DictConfig, OmegaConf
-from tqdm import tqdm
 
 from sgbd.baselines.baseline import Baseline, SuperpixelBaseline
 from sgbd.benchmarking.environment import environment, limited_to
@@ -21,6 +20,7 @@ from sgbd.benchmarking.timing import Stopwatch
 from sgbd.checkpoint import Checkpoint, find_checkpoint
 from sgbd.frame import MILLIMETERS
 from sgbd.jobs.configuration import ConfigurationError
+from sgbd.machine.progress_bar import ProgressBar
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameSource
 
@@ -65,7 +65,7 @@ def measure_costs(
         notes = [f"{len(frames)} frames of {source.split}, {width}x{height}, {config.cost_repeats} repetitions"]
         report = Report(environment(), settings, notes)
         watches = {name: Stopwatch() for name in runs}
-        for number in tqdm(range(config.cost_repeats + 1), "cost", unit="turn"):
+        for number in ProgressBar(range(config.cost_repeats + 1), "cost", unit="turn"):
             for name, run in runs.items():
                 # The first turn compiles.
                 run(frames[number % len(frames)], watches[name] if number else Stopwatch())

@@ -12,7 +12,6 @@ from typing import Any
 
 from hydra.utils import instantiate
 from omegaconf import DictConfig
-from tqdm import tqdm
 
 from sgbd.benchmarking.checkpoints import configured_checkpoint, configured_segmenter
 from sgbd.benchmarking.dataset import write_dataset
@@ -30,6 +29,7 @@ from sgbd.benchmarking.timing import Ratio, Stopwatch, take_turns
 from sgbd.benchmarking.training_speed import measure_training
 from sgbd.jobs.configuration import ConfigurationError
 from sgbd.jobs.untrained import trusted_packages
+from sgbd.machine.progress_bar import ProgressBar
 from sgbd.segmentation import Segmentation
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameSource
@@ -150,7 +150,7 @@ class Benchmark:
         compiled = self._folder("compiled")
         rows = []
         kinds = ["cold", *["warm"] * self.extent.start_repeats]
-        for kind in tqdm(kinds, "first call", unit="process", leave=False, disable=not self.config.progress):
+        for kind in ProgressBar(kinds, "first call", unit="process", leave=False, disable=not self.config.progress):
             found = self._in_fresh_process(OURS, 3, {"NUMBA_CACHE_DIR": str(compiled)})
             first, *later = found["frame_seconds"]
             rows.append(
@@ -287,8 +287,8 @@ class Benchmark:
     def _raw(self, number: int) -> RawFrame:
         return self.frames[number % len(self.frames)]
 
-    def _bar(self, repeats: int, title: str) -> tqdm:
-        return tqdm(range(repeats), title, unit="turn", leave=False, disable=not self.config.progress)
+    def _bar(self, repeats: int, title: str) -> ProgressBar:
+        return ProgressBar(range(repeats), title, unit="turn", leave=False, disable=not self.config.progress)
 
     def _folder(self, name: str) -> Path:
         """Return an empty temporary folder, which goes when the benchmark ends."""

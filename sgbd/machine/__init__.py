@@ -1,1 +1,1 @@
-"""What the package asks of the machine: compiled loops, threads, processes, memory and files."""
+"""What the package asks of the machine: compiled loops, threads, processes, memory, files and a terminal."""

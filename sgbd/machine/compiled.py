@@ -18,8 +18,9 @@ from typing import Any, TypeVar, overload
 
 try:
     import numba
+    from numba.core import event
 except ImportError:
-    numba = None
+    numba = event = None
 
 logger = logging.getLogger(__name__)
 
@@ -70,3 +71,26 @@ def _compile(function: Function, options: dict[str, Any]) -> Function:
             raise
         logger.info("no writable folder for compiled code: %s is compiled in every process", function.__qualname__)
         return numba.njit(**{**options, "cache": False})(function)
+
+
+def _announce_first_compilation() -> None:
+    """Say once a process that loops are compiled, if they really are: those that are kept are read without a word."""
+
+    class Announcement(event.Listener):
+        told = False
+
+        def on_start(self, compilation: Any) -> None:
+            if not self.told and compilation.data["dispatcher"].__module__.startswith("sgbd."):
+                self.told = True
+                logger.info(
+                    "compiling loops, once on this machine: it takes half a minute or less, longer on a busy processor"
+                )
+
+        def on_end(self, compilation: Any) -> None:
+            """Nothing is said of it."""
+
+    event.register("numba:compile", Announcement())
+
+
+if HAS_NUMBA:
+    _announce_first_compilation()

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from tqdm import tqdm
 
 from sgbd.evaluation import Evaluation, score_table
 from sgbd.machine.atomic_file import write_whole
+from sgbd.machine.progress_bar import ProgressBar
 from sgbd.reporting.panels import GALLERY_FOLDER, write_index, write_panels
 from sgbd.reporting.plot import segmentation_figure
 from sgbd.reporting.reliability import reliability_figure
@@ -81,7 +81,7 @@ def draw_examples(
     """
     index = {name: place for place, name in enumerate(source.names)}
     pictures, shown = [], []
-    for rank, name in enumerate(tqdm(names, "drawing", unit="frame")):
+    for rank, name in enumerate(ProgressBar(names, "drawing", unit="frame")):
         frame = source[index[name]]
         row = evaluation.frames.loc[name]
         segmentation = segmenter.segment_frame(frame)

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from PIL import Image
-from tqdm import tqdm
 
 from sgbd.machine.atomic_file import write_whole
+from sgbd.machine.progress_bar import ProgressBar
 from sgbd.machine.workers import map_in_order
 from sgbd.sources.tod import Tod
 
@@ -61,7 +61,7 @@ def write_semantic_masks(source: Tod, workers: int = 0, progress: bool = True) -
     """
     done = SemanticMasks()
     outcomes = map_in_order(_WriteMask(source), range(len(source)), workers)
-    for outcome in tqdm(outcomes, f"masks of {source.split}", len(source), unit="frame", disable=not progress):
+    for outcome in ProgressBar(outcomes, f"masks of {source.split}", len(source), unit="frame", disable=not progress):
         done.frames[outcome.state] += 1
         done.unknown.update(outcome.unknown)
     return done

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from tqdm import tqdm
 
 from sgbd.frame import BACKGROUND, IGNORE, SUPPORT, Frame, FrameError, Intrinsics
+from sgbd.machine.progress_bar import ProgressBar
 from sgbd.sources.camera import intrinsics_from, intrinsics_from_view, intrinsics_option
 from sgbd.sources.categories import TOD_CATEGORIES, TODZ_SEEN
 from sgbd.sources.dataset_folder import DatasetFolder
@@ -387,7 +387,7 @@ root/
             # Decoding releases the interpreter's lock, so that threads suffice.
             with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
                 verdicts = list(
-                    tqdm(
+                    ProgressBar(
                         pool.map(self._why_not, candidates),
                         total=len(candidates),
                         desc=f"choosing frames of {self.split}",

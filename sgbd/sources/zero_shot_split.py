@@ -18,8 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from tqdm import tqdm
 
+from sgbd.machine.progress_bar import ProgressBar
 from sgbd.machine.workers import map_in_order
 from sgbd.sources.tod import Tod
 
@@ -107,7 +107,7 @@ def catalog(source: Tod, min_object_pixels: int, workers: int = 0, progress: boo
         )
         background += folder.filtered["background_views"]
         outcomes = map_in_order(_Count(folder, min_object_pixels), range(len(folder)), workers)
-        rows += list(tqdm(outcomes, f"objects of {split}", len(folder), unit="frame", disable=not progress))
+        rows += list(ProgressBar(outcomes, f"objects of {split}", len(folder), unit="frame", disable=not progress))
         files += [folder.files(index)[0].relative_to(source.root).as_posix() for index in range(len(folder))]
         scenes += [name.rpartition("/")[0] for name in folder.names]
     counts = np.array(rows, np.int64).reshape(len(rows), 2, -1)

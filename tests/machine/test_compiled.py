@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -23,6 +24,32 @@ def test_bare_and_with_options_give_the_result_of_the_source():
     assert compiled(total)(values) == compiled(fastmath=True)(total)(values) == total(values) == 10
     assert compiled(total).targetoptions["nogil"] is True
     assert compiled(nogil=False)(total).targetoptions["nogil"] is False
+
+
+def test_that_loops_are_compiled_is_said_once_and_only_if_they_are(tmp_path):
+    program = """
+import logging, sys
+logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stdout)
+import numba
+import numpy as np
+from sgbd.metrics.label_index import distinct_labels
+numba.njit(lambda x: x + 1)(1)  # not ours
+print("begun")
+distinct_labels(np.array([[0, 1]], np.int32))
+distinct_labels(np.array([[0, 1]]))
+print("ended")
+"""
+    said = []
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, "-c", program],
+            capture_output=True, text=True, check=True, env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+        )  # fmt: skip
+        said.append(done.stdout.splitlines())
+    assert said[0][0] == "begun"
+    assert said[0][1].startswith("compiling loops, once on this machine")
+    assert said[0][2:] == ["ended"]
+    assert said[1] == ["begun", "ended"]
 
 
 def test_without_a_writable_folder_it_compiles_in_memory(monkeypatch: pytest.MonkeyPatch):

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
-from tqdm import tqdm
 
 from sgbd.machine.atomic_file import write_whole
 from sgbd.machine.one_process_at_a_time import one_process_at_a_time
 from sgbd.machine.processors import usable_processors
+from sgbd.machine.progress_bar import ProgressBar
 from sgbd.machine.workers import WorkerError, map_in_order
 from sgbd.sources.categories import TABLE_CATEGORY, TOD_CATEGORIES, TOD_SYNSETS
 from sgbd.sources.errors import MissingExtraError
@@ -149,7 +149,7 @@ def _generate_locked(root: Path, recipe: Recipe, workers: int, progress: bool) -
         tasks += [(split, k) for k, (scene, _) in enumerate(recipe.scenes(split)) if not (root / scene).is_dir()]
     views = [recipe.scenes(split)[number][1] for split, number in tasks]
     total = sum(recipe.frames(split) for split in FOLDERS)
-    with tqdm(
+    with ProgressBar(
         total=total, initial=total - sum(views), desc="generating frames", unit="frame", disable=not progress
     ) as bar:
         scenes = map_in_order(partial(_write_task, root, recipe, tasks), range(len(tasks)), workers, chunk_size=1)
