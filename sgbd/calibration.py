@@ -8,11 +8,13 @@ several inputs). Its coefficients are plain numbers in the recipe of a checkpoin
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from sgbd.metrics import FIRST_OBJECT, ContingencyTable
+if TYPE_CHECKING:
+    from sgbd.metrics import ContingencyTable
 
 RIGHT_IOU = 0.75
 """A segment is right if its intersection over union with a true object is above this."""
@@ -188,6 +190,8 @@ def right_segments(table: ContingencyTable, count: int, iou: float = RIGHT_IOU) 
         count: Number of segments S.
         iou: Intersection over union above which a segment is right.
     """
+    from sgbd.metrics import FIRST_OBJECT  # here: segmenting needs the calibration, and does not wait for the metrics
+
     right = np.zeros(count, dtype=np.bool_)
     shared = table.counts[:, table.instances >= FIRST_OBJECT]
     true_area = table.instance_area[table.instances >= FIRST_OBJECT]

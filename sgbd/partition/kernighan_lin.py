@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from sgbd.machine.compiled import compiled
+from sgbd.partition.components import connected_components
 from sgbd.partition.edge_weight import EDGE_EPSILON, BorderWeight
 from sgbd.partition.heap import pop, push
 from sgbd.partition.multicut import GreedyMulticut, greedy_additive_edge_contraction, multicut_cost
@@ -79,8 +78,7 @@ def kernighan_lin(
     _refine(offset, target[order], np.concatenate([weight, weight])[order], refined, max_rounds)
     # A moved superpixel may have held two parts of its segment together.
     inner = pairs[:, refined[pairs[0]] == refined[pairs[1]]]
-    graph = coo_array((np.ones(inner.shape[1], dtype=np.int8), (inner[0], inner[1])), shape=(num_nodes, num_nodes))
-    refined = number_by_first_appearance(connected_components(graph, directed=False)[1])
+    refined = connected_components(num_nodes, inner)
     # Gains are sums in another order than costs; where they differ by rounding alone, nothing was gained.
     better = multicut_cost(pairs, weight, refined) <= multicut_cost(pairs, weight, segment)
     return refined if better else number_by_first_appearance(segment)
