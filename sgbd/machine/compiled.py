@@ -8,6 +8,9 @@ Compiling takes most of the first frame's time on a machine, so the functions ar
 caller allocates arrays, numbers that pass from function to function are of one type (``np.int64(0)``, where a literal 0
 would be a type of its own, and a function that meets it compiled twice), and rows are sliced once instead of indexed
 again and again.
+
+Arrays that belong together can be handed over as a `typing.NamedTuple`. It is not for free: the references of every
+array in it are counted in each call, so small functions that get one are compiled with ``inline="always"``.
 """
 
 from __future__ import annotations

@@ -8,19 +8,57 @@ doi:10.1109/CVPR52688.2022.01135.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sgbd.machine.compiled import compiled
-from sgbd.partition.heap import pop, push
+from sgbd.partition.heap import Heap, pop, push
 from sgbd.partition.partitioner import number_by_first_appearance
 
 Linkage = Literal["sum", "mean", "absolute_maximum"]
 
 _SUM, _MEAN, _ABSOLUTE_MAXIMUM = 0, 1, 2
 _CODES = {"sum": _SUM, "mean": _MEAN, "absolute_maximum": _ABSOLUTE_MAXIMUM}
+
+
+class _Edges(NamedTuple):
+    """What is known of every edge.
+
+    Attributes:
+        total: float64 [E], weight of all edges that this one stands for, combined as the linkage says.
+        share: float64 [E], how much they count in a mean together.
+        strength: float64 [E], `total`, or `total` / `share` if the linkage is the mean.
+        alive: bool [E], False once its two ends are one segment, or a parallel edge has absorbed it.
+        forbidden: bool [E], whether its two ends must never be joined.
+    """
+
+    total: NDArray[np.float64]
+    share: NDArray[np.float64]
+    strength: NDArray[np.float64]
+    alive: NDArray[np.bool_]
+    forbidden: NDArray[np.bool_]
+
+
+class _Incidence(NamedTuple):
+    """The edges of every node, as linked lists of half-edges.
+
+    Edge e has two halves, 2 e and 2 e + 1, one in the list of each of its ends. The other half of h is h ^ 1.
+
+    Attributes:
+        node: int64 [2 E], the node in whose list a half-edge is.
+        following: int64 [2 E], the next half-edge in the same list; -1 after the last.
+        head: int64 [N], the first half-edge of each node; -1 in an empty list.
+        tail: int64 [N], its last.
+        degree: int64 [N], the length of its list. Edges that died since the list was made count, too.
+    """
+
+    node: NDArray[np.int64]
+    following: NDArray[np.int64]
+    head: NDArray[np.int64]
+    tail: NDArray[np.int64]
+    degree: NDArray[np.int64]
 
 
 def agglomerate(
@@ -61,16 +99,7 @@ def agglomerate(
     if linkage == "mean":
         total *= share
     if not (key[1:] > key[:-1]).all():
-        if linkage == "absolute_maximum":
-            # Of a repeated pair the strongest edge stays, of equally strong ones the attractive.
-            order = np.lexsort((-total, -np.abs(total), key))
-            kept = order[np.concatenate([[True], key[order][1:] != key[order][:-1]])]
-            key, total, share = key[kept], total[kept], share[kept]
-        else:
-            key, edge = np.unique(key, return_inverse=True)
-            total = np.bincount(edge, weights=total, minlength=len(key)).astype(np.float64)
-            share = np.bincount(edge, weights=share, minlength=len(key)).astype(np.float64)
-    first, second = np.divmod(key, num_nodes)
+        key, total, share = _without_repetitions(key, total, share, linkage)
     if linkage == "absolute_maximum":
         # Signed ranks instead of weights: no two are equal, so a tie is decided once and for all, by the edges' order.
         rank = np.empty(len(total))
@@ -78,152 +107,154 @@ def agglomerate(
         total = np.where(total > 0, rank, -rank)
     strength = total / share if linkage == "mean" else total.copy()
     num_edges = len(total)
+    edges = _Edges(total, share, strength, np.ones(num_edges, dtype=np.bool_), np.zeros(num_edges, dtype=np.bool_))
+    node = np.stack(np.divmod(key, num_nodes), axis=1).ravel()
+    head, tail = np.full((2, num_nodes), -1)
+    incidence = _Incidence(node, np.empty_like(node), head, tail, np.zeros_like(head))
     parent = np.arange(num_nodes)
-    head, tail, edge_to = np.full((3, num_nodes), -1)
-    end, following = np.full((2, 2 * num_edges), -1)
-    alive, forbidden = np.ones(num_edges, dtype=np.bool_), np.zeros(num_edges, dtype=np.bool_)
-    heap_key, heap_edge = np.empty(2 * num_edges), np.empty(2 * num_edges, dtype=np.int64)
-    _contract(
-        first, second, total, share, strength, _CODES[linkage], cannot_link,
-        parent, np.zeros_like(parent), head, tail, edge_to, end, following, alive, forbidden, heap_key, heap_edge,
-    )  # fmt: skip
+    # An edge enters the heap once for itself and once for each edge that it absorbs.
+    heap = Heap.with_room(2 * num_edges)
+    _contract(edges, incidence, heap, parent, np.full_like(parent, -1), _CODES[linkage], cannot_link)
     return number_by_first_appearance(parent)
+
+
+def _without_repetitions(
+    key: NDArray[np.int64], total: NDArray[np.float64], share: NDArray[np.float64], linkage: Linkage
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Sort edges by their key, and make one of all that have the same."""
+    if linkage == "absolute_maximum":
+        # Of a repeated pair the strongest edge stays, of equally strong ones the attractive.
+        order = np.lexsort((-total, -np.abs(total), key))
+        kept = order[np.concatenate([[True], key[order][1:] != key[order][:-1]])]
+        return key[kept], total[kept], share[kept]
+    key, edge = np.unique(key, return_inverse=True)
+    total = np.bincount(edge, weights=total, minlength=len(key)).astype(np.float64)
+    share = np.bincount(edge, weights=share, minlength=len(key)).astype(np.float64)
+    return key, total, share
 
 
 @compiled
 def _contract(
-    first: NDArray[np.int64],
-    second: NDArray[np.int64],
-    total: NDArray[np.float64],
-    share: NDArray[np.float64],
-    strength: NDArray[np.float64],
+    edges: _Edges,
+    incidence: _Incidence,
+    heap: Heap,
+    parent: NDArray[np.int64],
+    edge_to: NDArray[np.int64],
     linkage: int,
     cannot_link: bool,
-    parent: NDArray[np.int64],
-    degree: NDArray[np.int64],
-    head: NDArray[np.int64],
-    tail: NDArray[np.int64],
-    edge_to: NDArray[np.int64],
-    end: NDArray[np.int64],
-    following: NDArray[np.int64],
-    alive: NDArray[np.bool_],
-    forbidden: NDArray[np.bool_],
-    heap_key: NDArray[np.float64],
-    heap_edge: NDArray[np.int64],
 ) -> None:
-    """Contract edges greedily.
+    """Contract edges greedily, the strongest first. All arrays are overwritten.
 
-    Edge e is the two half-edges 2e and 2e + 1; `end` says where a half-edge starts, its other half where it leads.
-    The half-edges of a node form a linked list from `head` to `tail`; those of dead edges are skipped and dropped.
+    Strengths change while edges wait in the heap. It is not searched for them: an edge enters it again with its new
+    strength, and is passed over where it comes up with an old one.
 
     Args:
-        first: int64 [E], one end of each edge.
-        second: int64 [E], its other end.
-        total: float64 [E]; overwritten, like all that follows.
-        share: float64 [E].
-        strength: float64 [E]: `total`, or `total` / `share` if the linkage is the mean.
+        edges: The edges, all alive and none forbidden.
+        incidence: The nodes of the half-edges, and empty lists.
+        heap: Room for twice as many edges.
+        parent: int64 [N], 0 to N - 1; afterwards a representative of each node's segment.
+        edge_to: int64 [N] of -1 to work in.
         linkage: One of _SUM, _MEAN and _ABSOLUTE_MAXIMUM.
         cannot_link: Whether negative edges forbid.
-        parent: int64 [N], 0 to N - 1; then a representative of each superpixel's group.
-        degree: int64 [N] of zeros.
-        head: int64 [N] of -1.
-        tail: int64 [N] of -1.
-        edge_to: int64 [N] of -1, the kept node's edge to each of its neighbours.
-        end: int64 [2 E].
-        following: int64 [2 E] of -1, the next half-edge of the same node.
-        alive: bool [E], true.
-        forbidden: bool [E], false.
-        heap_key: float64 [2 E]. The heap may hold outdated strengths of an edge; they are recognised when they come up.
-            An edge enters it once for itself and once for each edge that it absorbs.
-        heap_edge: int64 [2 E].
     """
-    num_nodes, num_edges = len(parent), len(total)
-    for half in range(2 * num_edges):
-        node = first[half >> 1] if half & 1 == 0 else second[half >> 1]
-        end[half] = node
-        if head[node] < 0:
-            head[node] = half
-        else:
-            following[tail[node]] = half
-        tail[node] = half
-        degree[node] += 1
-
+    for half in range(len(incidence.node)):
+        _append(incidence, incidence.node[half], half)
     size: int = np.int64(0)  # type: ignore[assignment]  # see sgbd.machine.compiled
-    for edge in range(num_edges):
-        if cannot_link or strength[edge] > 0:
-            size = push(heap_key, heap_edge, size, abs(strength[edge]), edge)
+    for edge in range(len(edges.total)):
+        if cannot_link or edges.strength[edge] > 0:
+            size = push(heap, size, abs(edges.strength[edge]), edge)
     while size > 0:
-        greatest, contracted = heap_key[0], heap_edge[0]
-        size = pop(heap_key, heap_edge, size)
-        if not alive[contracted] or forbidden[contracted] or abs(strength[contracted]) != greatest:
+        strength, edge = heap.key[0], heap.item[0]
+        size = pop(heap, size)
+        if not edges.alive[edge] or edges.forbidden[edge] or abs(edges.strength[edge]) != strength:
             continue
-        if strength[contracted] <= 0:
-            forbidden[contracted] = cannot_link
+        if edges.strength[edge] <= 0:
+            edges.forbidden[edge] = cannot_link
             continue
-        kept, gone = end[2 * contracted], end[2 * contracted + 1]
-        if degree[kept] < degree[gone]:
+        edges.alive[edge] = False
+        # The node with fewer edges goes, because each of them has to be moved.
+        kept, gone = incidence.node[2 * edge], incidence.node[2 * edge + 1]
+        if incidence.degree[kept] < incidence.degree[gone]:
             kept, gone = gone, kept
-        alive[contracted] = False
         parent[gone] = kept
-
-        half = head[kept]
-        last = -1
-        degree[kept] = 0
-        while half >= 0:
-            upcoming = following[half]
-            if alive[half >> 1]:
-                edge_to[end[half ^ 1]] = half >> 1
-                degree[kept] += 1
-                if last < 0:
-                    head[kept] = half
-                else:
-                    following[last] = half
-                last = half
-            half = upcoming
-
-        half = head[gone]
-        while half >= 0:
-            upcoming = following[half]
-            edge = half >> 1
-            if alive[edge]:
-                neighbor = end[half ^ 1]
-                parallel = edge_to[neighbor]
-                if parallel >= 0:
-                    if linkage == _ABSOLUTE_MAXIMUM:
-                        if abs(total[edge]) > abs(total[parallel]):
-                            total[parallel] = total[edge]
-                        strength[parallel] = total[parallel]
-                    else:
-                        total[parallel] += total[edge]
-                        share[parallel] += share[edge]
-                        strength[parallel] = total[parallel] / share[parallel] if linkage == _MEAN else total[parallel]
-                    forbidden[parallel] |= forbidden[edge]
-                    alive[edge] = False
-                    if not forbidden[parallel] and (cannot_link or strength[parallel] > 0):
-                        size = push(heap_key, heap_edge, size, abs(strength[parallel]), parallel)
-                else:
-                    end[half] = kept
-                    degree[kept] += 1
-                    if last < 0:
-                        head[kept] = half
-                    else:
-                        following[last] = half
-                    last = half
-            half = upcoming
-
-        tail[kept] = last
-        if last < 0:
-            head[kept] = -1
-        else:
-            following[last] = -1
-        half = head[kept]
-        while half >= 0:
-            edge_to[end[half ^ 1]] = -1
-            half = following[half]
-
-    for node in range(num_nodes):
+        size = _join_nodes(edges, incidence, heap, size, edge_to, kept, gone, linkage, cannot_link)
+    for node in range(len(parent)):
         root = node
         while parent[root] != root:
             parent[root] = parent[parent[root]]
             root = parent[root]
         parent[node] = root
+
+
+@compiled(inline="always")
+def _join_nodes(
+    edges: _Edges,
+    incidence: _Incidence,
+    heap: Heap,
+    size: int,
+    edge_to: NDArray[np.int64],
+    kept: int,
+    gone: int,
+    linkage: int,
+    cannot_link: bool,
+) -> int:
+    """Give the edges of the node `gone` to the node `kept`; returns the new size of the heap."""
+    node, following = incidence.node, incidence.following
+    # Make the list of `kept` anew, without the edges that have died, and note which edge leads to which neighbour.
+    half = incidence.head[kept]
+    incidence.head[kept] = incidence.tail[kept] = -1
+    incidence.degree[kept] = 0
+    while half >= 0:
+        upcoming, edge = following[half], half >> 1
+        if edges.alive[edge]:
+            edge_to[node[half ^ 1]] = edge
+            _append(incidence, kept, half)
+        half = upcoming
+    half = incidence.head[gone]
+    while half >= 0:
+        upcoming, edge = following[half], half >> 1
+        if edges.alive[edge]:
+            parallel = edge_to[node[half ^ 1]]
+            if parallel >= 0:
+                _absorb(edges, parallel, edge, linkage)
+                strength = edges.strength[parallel]
+                if not edges.forbidden[parallel] and (cannot_link or strength > 0):
+                    size = push(heap, size, abs(strength), parallel)
+            else:
+                node[half] = kept
+                _append(incidence, kept, half)
+        half = upcoming
+    half = incidence.head[kept]
+    while half >= 0:
+        edge_to[node[half ^ 1]] = -1
+        half = following[half]
+    return size
+
+
+@compiled(inline="always")
+def _append(incidence: _Incidence, node: int, half: int) -> None:
+    """Put a half-edge at the end of the list of a node."""
+    last = incidence.tail[node]
+    if last < 0:
+        incidence.head[node] = half
+    else:
+        incidence.following[last] = half
+    incidence.following[half] = -1
+    incidence.tail[node] = half
+    incidence.degree[node] += 1
+
+
+@compiled(inline="always")
+def _absorb(edges: _Edges, stays: int, goes: int, linkage: int) -> None:
+    """Combine two parallel edges into the one that stays."""
+    total, share = edges.total, edges.share
+    if linkage == _ABSOLUTE_MAXIMUM:
+        if abs(total[goes]) > abs(total[stays]):
+            total[stays] = total[goes]
+        edges.strength[stays] = total[stays]
+    else:
+        total[stays] += total[goes]
+        share[stays] += share[goes]
+        edges.strength[stays] = total[stays] / share[stays] if linkage == _MEAN else total[stays]
+    edges.forbidden[stays] |= edges.forbidden[goes]
+    edges.alive[goes] = False

@@ -1,6 +1,12 @@
-"""A binary heap on arrays, for compiled loops."""
+"""A binary heap on arrays, for compiled loops.
+
+As `heapq` does it, but without a list of tuples to build for every graph, which would take a fifth of a partition's
+time. The heap does not know its size: the caller keeps it, and hands it to every call.
+"""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,40 +14,53 @@ from numpy.typing import NDArray
 from sgbd.machine.compiled import compiled
 
 
-@compiled
-def push(heap_key: NDArray[np.float64], heap_item: NDArray[np.int64], size: int, key: float, item: int) -> int:
-    """Put an item into a binary heap with the greatest key first, of equals the lowest item; returns its new size.
+class Heap(NamedTuple):
+    """Items in order of their keys: the greatest key comes first, of equal keys the lowest item.
 
-    As `heapq` does it, but on arrays: no list of tuples is built for every graph, which is a fifth of the time.
+    Attributes:
+        key: float64 [room].
+        item: int64 [room].
     """
+
+    key: NDArray[np.float64]
+    item: NDArray[np.int64]
+
+    @classmethod
+    def with_room(cls, room: int) -> Heap:
+        """Return an empty heap for as many items as `room` says."""
+        return cls(np.empty(room), np.empty(room, dtype=np.int64))
+
+
+@compiled
+def push(heap: Heap, size: int, key: float, item: int) -> int:
+    """Put an item into a heap of `size` items; returns the new size."""
+    keys, items = heap
     here = size
     while here > 0:
         above = (here - 1) // 2
-        if heap_key[above] > key or (heap_key[above] == key and heap_item[above] <= item):
+        if keys[above] > key or (keys[above] == key and items[above] <= item):
             break
-        heap_key[here], heap_item[here] = heap_key[above], heap_item[above]
+        keys[here], items[here] = keys[above], items[above]
         here = above
-    heap_key[here], heap_item[here] = key, item
+    keys[here], items[here] = key, item
     return size + 1
 
 
 @compiled
-def pop(heap_key: NDArray[np.float64], heap_item: NDArray[np.int64], size: int) -> int:
-    """Take the first item out of the heap; returns its new size."""
+def pop(heap: Heap, size: int) -> int:
+    """Take the first item, which is `heap.item[0]`, out of a heap of `size` items; returns the new size."""
+    keys, items = heap
     size -= 1
-    key, item = heap_key[size], heap_item[size]
+    key, item = keys[size], items[size]
     here = 0
     while 2 * here + 1 < size:
         below = 2 * here + 1
         other = below + 1
-        if other < size and (
-            heap_key[other] > heap_key[below]
-            or (heap_key[other] == heap_key[below] and heap_item[other] < heap_item[below])
-        ):
+        if other < size and (keys[other] > keys[below] or (keys[other] == keys[below] and items[other] < items[below])):
             below = other
-        if key > heap_key[below] or (key == heap_key[below] and item <= heap_item[below]):
+        if key > keys[below] or (key == keys[below] and item <= items[below]):
             break
-        heap_key[here], heap_item[here] = heap_key[below], heap_item[below]
+        keys[here], items[here] = keys[below], items[below]
         here = below
-    heap_key[here], heap_item[here] = key, item
+    keys[here], items[here] = key, item
     return size

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from sgbd.machine.compiled import compiled
+from sgbd.machine.linked_lists import LinkedLists, prepend, unlink
 from sgbd.partition.components import connected_components
 from sgbd.partition.edge_weight import EDGE_EPSILON, BorderWeight
-from sgbd.partition.heap import pop, push
+from sgbd.partition.heap import Heap, pop, push
 from sgbd.partition.multicut import GreedyMulticut, greedy_additive_edge_contraction, multicut_cost
 from sgbd.partition.partitioner import number_by_first_appearance
 
@@ -27,11 +30,11 @@ class Multicut(GreedyMulticut):
     The cost of the result is never above that of `GreedyMulticut`.
 
     Args:
-        threshold: as in `GreedyMulticut`.
-        border_weight: as in `GreedyMulticut`.
-        epsilon: as in `GreedyMulticut`.
-        objectness_weight: as in `GreedyMulticut`.
-        max_rounds: rounds over all pairs of segments that have changed; 0 leaves the greedy partition as it is.
+        threshold: As in `GreedyMulticut`.
+        border_weight: As in `GreedyMulticut`.
+        epsilon: As in `GreedyMulticut`.
+        objectness_weight: As in `GreedyMulticut`.
+        max_rounds: Rounds over all pairs of segments that have changed; 0 leaves the greedy partition as it is.
     """
 
     def __init__(
@@ -69,114 +72,203 @@ def kernighan_lin(
     """
     if pairs.size == 0 or max_rounds == 0:
         return number_by_first_appearance(segment)
-    num_nodes = len(segment)
-    # Canonical order, so that neither the order nor the direction of the pairs decides between equal moves.
-    source, target = np.concatenate([pairs, pairs[::-1]], axis=1)
-    order = np.lexsort((target, source))
-    offset = np.concatenate([[0], np.cumsum(np.bincount(source, minlength=num_nodes))])
     refined = number_by_first_appearance(segment)
-    _refine(offset, target[order], np.concatenate([weight, weight])[order], refined, max_rounds)
-    # A moved superpixel may have held two parts of its segment together.
+    _refine(_Graph.of(pairs, weight, len(segment)), refined, max_rounds)
+    # A superpixel that moved may have held two parts of its segment together.
     inner = pairs[:, refined[pairs[0]] == refined[pairs[1]]]
-    refined = connected_components(num_nodes, inner)
+    refined = connected_components(len(refined), inner)
     # Gains are sums in another order than costs; where they differ by rounding alone, nothing was gained.
     better = multicut_cost(pairs, weight, refined) <= multicut_cost(pairs, weight, segment)
     return refined if better else number_by_first_appearance(segment)
 
 
-@compiled
-def _refine(
-    offset: NDArray[np.int64],
-    neighbor: NDArray[np.int64],
-    weight: NDArray[np.float64],
-    segment: NDArray[np.int64],
-    max_rounds: int,
-) -> None:
-    """Improve `segment` in place; the neighbours of node v are `neighbor[offset[v] : offset[v + 1]]`."""
+class _Graph(NamedTuple):
+    """A graph by the neighbours of each node: node v has the directed edges `offset[v]` to `offset[v + 1]` - 1.
+
+    Attributes:
+        offset: int64 [N + 1].
+        source: int64 [2 E], ascending: where each directed edge starts.
+        target: int64 [2 E], where it leads.
+        weight: float64 [2 E].
+    """
+
+    offset: NDArray[np.int64]
+    source: NDArray[np.int64]
+    target: NDArray[np.int64]
+    weight: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, pairs: NDArray[np.int64], weight: NDArray[np.float64], num_nodes: int) -> _Graph:
+        source, target = np.concatenate([pairs, pairs[::-1]], axis=1)
+        # Canonical order, so that neither the order nor the direction of the pairs decides between equal moves.
+        order = np.lexsort((target, source))
+        offset = np.concatenate([[0], np.cumsum(np.bincount(source, minlength=num_nodes))])
+        return cls(offset, source[order], target[order], np.concatenate([weight, weight])[order])
+
+
+class _Work(NamedTuple):
+    """What moving superpixels between two segments is worked out in; nothing in it outlasts a call of `_improve`.
+
+    Attributes:
+        gain: float64 [N], by how much it lowers the cost to move a superpixel to the other segment.
+        moved: bool [N], whether it has been moved.
+        sequence: int64 [N], the superpixels in the order in which they were moved.
+        heap: Superpixels by gain; some wait in it with gains that have changed since.
+    """
+
+    gain: NDArray[np.float64]
+    moved: NDArray[np.bool_]
+    sequence: NDArray[np.int64]
+    heap: Heap
+
+    @classmethod
+    def for_graph(cls, graph: _Graph) -> _Work:
+        num_nodes = len(graph.offset) - 1
+        # A superpixel enters the heap once for itself and once for every neighbour that moves.
+        heap = Heap.with_room(len(graph.target) + num_nodes)
+        return cls(np.zeros(num_nodes), np.zeros(num_nodes, np.bool_), np.empty(num_nodes, np.int64), heap)
+
+
+def _refine(graph: _Graph, segment: NDArray[np.int64], max_rounds: int) -> None:
+    """Improve a partition in place, until nothing gains any more."""
     num_nodes = len(segment)
-    # Members of each segment as a doubly linked list; a label without any is free for the next split.
-    head = np.full(num_nodes, -1, dtype=np.int64)
-    following = np.full(num_nodes, -1, dtype=np.int64)
-    preceding = np.full(num_nodes, -1, dtype=np.int64)
-    for node in range(num_nodes):
-        _enter(node, segment[node], head, following, preceding)
-    tolerance = 1e-12 * np.abs(weight).sum()
-    gain = np.zeros(num_nodes, dtype=np.float64)
-    moved = np.zeros(num_nodes, dtype=np.bool_)
-    sequence = np.empty(num_nodes, dtype=np.int64)
-    # A node enters the heap once for itself and once for every neighbour that moves.
-    heap_key = np.empty(len(neighbor) + num_nodes, dtype=np.float64)
-    heap_node = np.empty(len(neighbor) + num_nodes, dtype=np.int64)
+    # A label without members is free for the next split.
+    members = LinkedLists.empty(num_nodes, num_nodes)
+    _list_members(segment, members)
+    work = _Work.for_graph(graph)
+    # Gains below are what rounding leaves over.
+    tolerance = 1e-12 * float(np.abs(graph.weight).sum())
     changed = np.ones(num_nodes, dtype=np.bool_)
     for _ in range(max_rounds):
-        keys = np.empty(len(neighbor), dtype=np.int64)
-        count = 0
-        for node in range(num_nodes):
-            for k in range(offset[node], offset[node + 1]):
-                a, b = segment[node], segment[neighbor[k]]
-                if a < b and (changed[a] or changed[b]):
-                    keys[count] = a * num_nodes + b
-                    count += 1
-        borders = np.unique(keys[:count])
-        before = changed.copy()
-        changed[:] = False
-        improved = False
-        for key in borders:
-            a, b = key // num_nodes, key % num_nodes
-            if head[a] >= 0 and head[b] >= 0 and _improve(
-                a, b, offset, neighbor, weight, segment, head, following, preceding,
-                gain, moved, sequence, heap_key, heap_node, tolerance,
-            ):  # fmt: skip
-                changed[a] = changed[b] = improved = True
-        empty = 0
-        for a in range(num_nodes):
-            if head[a] < 0 or not (before[a] or changed[a]):
-                continue
-            while empty < num_nodes and head[empty] >= 0:
-                empty += 1
-            if empty == num_nodes:
-                break
-            if _improve(
-                a, empty, offset, neighbor, weight, segment, head, following, preceding,
-                gain, moved, sequence, heap_key, heap_node, tolerance,
-            ):  # fmt: skip
-                changed[a] = changed[empty] = improved = True
-                empty = 0
-        if not improved:
+        a, b = segment[graph.source], segment[graph.target]
+        waiting = (a < b) & (changed[a] | changed[b])
+        borders = np.unique(a[waiting] * num_nodes + b[waiting])
+        before, changed = changed, np.zeros_like(changed)
+        _improve_borders(borders, graph, segment, members, work, tolerance, changed)
+        _split_segments(before, graph, segment, members, work, tolerance, changed)
+        if not changed.any():
             break
+
+
+@compiled
+def _list_members(segment: NDArray[np.int64], members: LinkedLists) -> None:
+    for node in range(len(segment)):
+        prepend(members, segment[node], node)
+
+
+@compiled
+def _improve_borders(
+    borders: NDArray[np.int64],
+    graph: _Graph,
+    segment: NDArray[np.int64],
+    members: LinkedLists,
+    work: _Work,
+    tolerance: float,
+    changed: NDArray[np.bool_],
+) -> None:
+    """Improve neighbouring segments, two by two; marks those that `changed`.
+
+    Args:
+        borders: int64 [B], a · N + b for segments a < b that touched at the beginning of the round.
+        graph: The graph.
+        segment: int64 [N], segment of each superpixel; changed, as the following.
+        members: Superpixels of each segment.
+        work: To work in.
+        tolerance: What counts as no gain.
+        changed: bool [N], by segment.
+    """
+    for border in borders:
+        a, b = border // len(segment), border % len(segment)
+        # One may have been joined with another meanwhile.
+        if members.head[a] >= 0 and members.head[b] >= 0 and _improve(a, b, graph, segment, members, work, tolerance):
+            changed[a] = changed[b] = True
+
+
+@compiled
+def _split_segments(
+    before: NDArray[np.bool_],
+    graph: _Graph,
+    segment: NDArray[np.int64],
+    members: LinkedLists,
+    work: _Work,
+    tolerance: float,
+    changed: NDArray[np.bool_],
+) -> None:
+    """Split segments that changed in the last round (`before`) or in this one; else as `_improve_borders`."""
+    empty = 0
+    for a in range(len(segment)):
+        if members.head[a] < 0 or not (before[a] or changed[a]):
+            continue
+        while empty < len(segment) and members.head[empty] >= 0:
+            empty += 1
+        if empty == len(segment):
+            break
+        if _improve(a, empty, graph, segment, members, work, tolerance):
+            changed[a] = changed[empty] = True
+            empty = 0
 
 
 @compiled
 def _improve(
     a: int,
     b: int,
-    offset: NDArray[np.int64],
-    neighbor: NDArray[np.int64],
-    weight: NDArray[np.float64],
+    graph: _Graph,
     segment: NDArray[np.int64],
-    head: NDArray[np.int64],
-    following: NDArray[np.int64],
-    preceding: NDArray[np.int64],
-    gain: NDArray[np.float64],
-    moved: NDArray[np.bool_],
-    sequence: NDArray[np.int64],
-    heap_key: NDArray[np.float64],
-    heap_node: NDArray[np.int64],
+    members: LinkedLists,
+    work: _Work,
     tolerance: float,
 ) -> bool:
     """Move superpixels between the segments a and b (which may be empty), or join them; says whether it gained."""
-    # What it gains to move a superpixel: the weights to the other segment less those to its own.
+    between, size = _weigh_moves(a, b, graph, segment, members, work)
+    gains, moved, sequence, heap = work
+    total = best = 0.0
+    length = best_length = 0
+    while size > 0 and length - best_length < PATIENCE:
+        gain, node = heap.key[0], heap.item[0]
+        size = pop(heap, size)
+        if moved[node] or gain != gains[node]:
+            continue
+        size = _move_and_weigh(node, a, b, graph, segment, members, work, size)
+        sequence[length] = node
+        length += 1
+        total += gain
+        if total > best + tolerance:
+            best, best_length = total, length
+    join = between > tolerance and between >= best
+    # Take back what came after the best state, or all if joining is better still.
+    for k in range(length - 1, -1 if join else best_length - 1, -1):
+        node = sequence[k]
+        _move(node, b if segment[node] == a else a, segment, members)
+    while join and members.head[b] >= 0:
+        _move(members.head[b], a, segment, members)
+    return join or best_length > 0
+
+
+@compiled(inline="always")
+def _weigh_moves(
+    a: int, b: int, graph: _Graph, segment: NDArray[np.int64], members: LinkedLists, work: _Work
+) -> tuple[float, int]:
+    """Work out what moving each superpixel of two segments to the other gains, and put those at the border in the heap.
+
+    The gain is the sum of the weights to the other segment less those to its own. If a segment is empty, every
+    superpixel of the other may begin it.
+
+    Returns:
+        The sum of the weights between the two segments, and the size of the heap.
+    """
+    offset, _, target, weight = graph
+    gain, moved = work.gain, work.moved
     between = 0.0
     size: int = np.int64(0)  # type: ignore[assignment]  # see sgbd.machine.compiled
     for side in range(2):
         here, there = (a, b) if side == 0 else (b, a)
-        node = head[here]
+        node = members.head[here]
         while node >= 0:
             gain[node] = 0.0
             moved[node] = False
-            at_border = head[there] < 0
+            at_border = members.head[there] < 0
             for k in range(offset[node], offset[node + 1]):
-                other = segment[neighbor[k]]
+                other = segment[target[k]]
                 if other == there:
                     gain[node] += weight[k]
                     between += 0.5 * weight[k]
@@ -184,69 +276,36 @@ def _improve(
                 elif other == here:
                     gain[node] -= weight[k]
             if at_border:
-                size = push(heap_key, heap_node, size, gain[node], node)
-            node = following[node]
-
-    total = best = 0.0
-    length = best_length = 0
-    while size > 0 and length - best_length < PATIENCE:
-        key, node = heap_key[0], heap_node[0]
-        size = pop(heap_key, heap_node, size)
-        if moved[node] or key != gain[node]:
-            continue
-        total += gain[node]
-        moved[node] = True
-        sequence[length] = node
-        length += 1
-        here = segment[node]
-        there = b if here == a else a
-        _leave(node, here, head, following, preceding)
-        _enter(node, there, head, following, preceding)
-        segment[node] = there
-        if total > best + tolerance:
-            best, best_length = total, length
-        for k in range(offset[node], offset[node + 1]):
-            other = neighbor[k]
-            if (segment[other] == a or segment[other] == b) and not moved[other]:
-                gain[other] += 2 * weight[k] if segment[other] == here else -2 * weight[k]
-                size = push(heap_key, heap_node, size, gain[other], other)
-
-    join = between > tolerance and between >= best
-    for k in range(length - 1, -1 if join else best_length - 1, -1):
-        node = sequence[k]
-        here = segment[node]
-        there = b if here == a else a
-        _leave(node, here, head, following, preceding)
-        _enter(node, there, head, following, preceding)
-        segment[node] = there
-    if join:
-        while head[b] >= 0:
-            node = head[b]
-            _leave(node, b, head, following, preceding)
-            _enter(node, a, head, following, preceding)
-            segment[node] = a
-    return join or best_length > 0
+                size = push(work.heap, size, gain[node], node)
+            node = members.following[node]
+    return between, size
 
 
-@compiled
-def _enter(
-    node: int, label: int, head: NDArray[np.int64], following: NDArray[np.int64], preceding: NDArray[np.int64]
-) -> None:
-    """Put a node into the list of a segment."""
-    preceding[node], following[node] = -1, head[label]
-    if head[label] >= 0:
-        preceding[head[label]] = node
-    head[label] = node
+@compiled(inline="always")
+def _move_and_weigh(
+    node: int, a: int, b: int, graph: _Graph, segment: NDArray[np.int64], members: LinkedLists, work: _Work, size: int
+) -> int:
+    """Move a superpixel to the other segment, and put its neighbours in the heap with what moving them gains now.
+
+    Returns:
+        The new size of the heap.
+    """
+    offset, _, target, weight = graph
+    gain, moved = work.gain, work.moved
+    here = segment[node]
+    moved[node] = True
+    _move(node, b if here == a else a, segment, members)
+    for k in range(offset[node], offset[node + 1]):
+        other = target[k]
+        if (segment[other] == a or segment[other] == b) and not moved[other]:
+            gain[other] += 2 * weight[k] if segment[other] == here else -2 * weight[k]
+            size = push(work.heap, size, gain[other], other)
+    return size
 
 
-@compiled
-def _leave(
-    node: int, label: int, head: NDArray[np.int64], following: NDArray[np.int64], preceding: NDArray[np.int64]
-) -> None:
-    """Take a node out of the list of its segment."""
-    if preceding[node] >= 0:
-        following[preceding[node]] = following[node]
-    else:
-        head[label] = following[node]
-    if following[node] >= 0:
-        preceding[following[node]] = preceding[node]
+@compiled(inline="always")
+def _move(node: int, label: int, segment: NDArray[np.int64], members: LinkedLists) -> None:
+    """Move a superpixel to a segment."""
+    unlink(members, segment[node], node)
+    prepend(members, label, node)
+    segment[node] = label

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap
 from sgbd.machine.compiled import compiled
+from sgbd.machine.linked_lists import LinkedLists, prepend, unlink
 from sgbd.machine.side_by_side import side_by_side
 from sgbd.repaint import repaint
 from sgbd.superpixels.slanted_planes import DISPARITY, plane_fit
@@ -67,12 +68,10 @@ def merge_alike(
         threads,
     )
     parents, heap = np.arange(count), np.arange(edges)
-    met, heads = np.full((2, count), -1)
-    after, before = np.full((2, 2 * edges), -1)
+    met, half_edges = np.full(count, -1), LinkedLists.empty(count, 2 * edges)
     _merge(
         sums, ends, n_segments, tolerance, min_size,
-        parents, met, heads, after, before, np.empty((count, 4)), np.empty(_SUMS - _DEPTH), np.empty(edges), heap,
-        heap.copy(),
+        parents, met, half_edges, np.empty((count, 4)), np.empty(_SUMS - _DEPTH), np.empty(edges), heap, heap.copy(),
     )  # fmt: skip
     # A root is the first of its group in raster order.
     roots = np.flatnonzero(parents == np.arange(count))
@@ -185,11 +184,11 @@ def _add(table, ends, edges, one, other):  # type: ignore[no-untyped-def]
 
 @compiled(error_model="numpy")
 def _merge(  # type: ignore[no-untyped-def]
-    sums, ends, n_segments, tolerance, min_size, parents, met, heads, after, before, looks, union, costs, heap, places
+    sums, ends, n_segments, tolerance, min_size, parents, met, half_edges, looks, union, costs, heap, places
 ):
     """Merge regions.
 
-    The edges of a region are a doubly linked list of *half edges*: half edge h belongs to region ends[h], its edge is
+    The edges of a region are a linked list of *half edges*: half edge h belongs to region ends[h], its edge is
     h // 2, and h ^ 1 is its other half. All edges wait in a heap, the cheapest on top; `places` knows where each is.
 
     Args:
@@ -200,9 +199,7 @@ def _merge(  # type: ignore[no-untyped-def]
         min_size: Pixels a region needs to stay.
         parents: int64 [N], the regions themselves, 0 to N - 1; then the root of each: the smallest id of its group.
         met: int64 [N] of -1 to work in.
-        heads: int64 [N] of -1 to work in: the first half edge of each region.
-        after: int64 [2 E] of -1 to work in: the next half edge of the same region.
-        before: int64 [2 E] of -1 to work in: the one before.
+        half_edges: N empty lists of 2 E items to work in: the half edges of each region.
         looks: float64 [N, 4] to work in: the mean colour of each region, and the squared error of its plane.
         union: float64 [10] to work in: the sums of two regions that a plane needs.
         costs: float64 [E] to work in.
@@ -210,8 +207,9 @@ def _merge(  # type: ignore[no-untyped-def]
         places: int64 [E], 0 to E - 1, to work in.
     """
     count, edges = len(parents), len(costs)
+    heads, after, _ = half_edges
     for half in range(2 * edges):
-        _prepend(heads, after, before, np.int64(ends[half]), half)
+        prepend(half_edges, np.int64(ends[half]), half)
     for region in range(count):
         _judge(sums, region, looks)
     for edge in range(edges):
@@ -228,8 +226,8 @@ def _merge(  # type: ignore[no-untyped-def]
         waiting = _remove(heap, places, costs, waiting, edge)
         if only_fragments and sums[keep, 0] >= min_size and sums[gone, 0] >= min_size:
             continue
-        _unlink(heads, after, before, keep, 2 * edge)
-        _unlink(heads, after, before, gone, 2 * edge + 1)
+        unlink(half_edges, keep, 2 * edge)
+        unlink(half_edges, gone, 2 * edge + 1)
         if gone < keep:
             keep, gone = gone, keep
         parents[gone] = keep
@@ -247,12 +245,12 @@ def _merge(  # type: ignore[no-untyped-def]
             following = after[half]
             other = np.int64(ends[half ^ 1])
             if met[other] == keep:
-                _unlink(heads, after, before, other, half ^ 1)
+                unlink(half_edges, other, half ^ 1)
                 if places[half // 2] >= 0:
                     waiting = _remove(heap, places, costs, waiting, half // 2)
             else:
                 ends[half] = keep
-                _prepend(heads, after, before, keep, half)
+                prepend(half_edges, keep, half)
             half = following
         half = heads[keep]
         while half >= 0:
@@ -295,25 +293,6 @@ def _cost(sums, looks, union, one, other):  # type: ignore[no-untyped-def]
         more = plane_fit(union, union[_SQUARES - _DEPTH])[3] - looks[one, _ERROR] - looks[other, _ERROR]
         cost += 0.0 if more < 0 else more
     return cost
-
-
-@compiled(inline="always")
-def _prepend(heads, after, before, region, half):  # type: ignore[no-untyped-def]
-    first = heads[region]
-    after[half], before[half] = first, -1
-    if first >= 0:
-        before[first] = half
-    heads[region] = half
-
-
-@compiled(inline="always")
-def _unlink(heads, after, before, region, half):  # type: ignore[no-untyped-def]
-    if before[half] >= 0:
-        after[before[half]] = after[half]
-    else:
-        heads[region] = after[half]
-    if after[half] >= 0:
-        before[after[half]] = before[half]
 
 
 @compiled(inline="always")
