@@ -126,8 +126,9 @@ def test_commands_run_outside_of_a_checkout(outputs, entry):
 
 def test_help_lists_the_choices(outputs):
     assert outputs["help"].startswith("python -m sgbd.train [group=option] [key=value] ...")
-    options = ", ".join(sorted(path.stem for path in (ROOT / "conf" / "model").glob("*.yaml")))
-    assert f"model: {options}, " in outputs["help"].replace("\n", ", ")
+    options = sorted(path.stem for path in (ROOT / "conf" / "model").glob("*.yaml"))
+    assert f"\n    or {', '.join(option for option in options if option != 'mlp')}\n" in outputs["help"]
+    assert "model.dropout=0.0" in outputs["help"]
 
 
 def test_a_model_of_ones_own_plugs_in(outputs):

@@ -15,15 +15,19 @@ import hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import CompactHydraException, HydraException, InstantiationException
 from hydra.types import RunMode
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
+from sgbd.jobs.command_help import command_help
 from sgbd.jobs.misspelled_keys import suggestions
 from sgbd.jobs.unreadable_arguments import spellings
 from sgbd.machine.processors import usable_processors
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells report it (128 + SIGINT)."""
+
+
+OmegaConf.register_new_resolver("command_help", lambda _root_: command_help(_root_), replace=True)
 
 
 class ConfigurationError(ValueError):

@@ -346,9 +346,10 @@ def test_a_wrong_choice_lists_the_choices(program):
     assert "Traceback" not in stderr
 
 
-def test_help_says_where_the_keys_are_explained(program):
+def test_help_explains_keys_and_says_where_the_options_lie(program):
     stdout, _ = program("--help").communicate(timeout=300)
-    assert f"{config_folder()}/program.yaml and the files of the options beside it explain the keys." in stdout
+    assert re.search(r"\n  on_error=skip +What to do with a frame", stdout)
+    assert f"adds your own options to those in\n{config_folder()}\n" in stdout
 
 
 def test_a_misspelt_key_is_told_with_the_nearest_one(program):
