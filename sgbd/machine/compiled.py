@@ -66,14 +66,18 @@ def _compile(function: Function, options: dict[str, Any]) -> Function:
     if numba is None:
         return function
     # Nothing calls the functions from C, and an entry for it is compiled with each.
-    options = {"cache": True, "nogil": True, "no_cfunc_wrapper": True, **options}
-    try:
-        return numba.njit(**options)(function)
-    except RuntimeError as error:  # raised by Numba when it finds no folder to keep the code in
-        if not options["cache"] or "cannot cache function" not in str(error):
-            raise
-        logger.info("no writable folder for compiled code: %s is compiled in every process", function.__qualname__)
-        return numba.njit(**{**options, "cache": False})(function)
+    kept, options = options.get("cache", True), {"nogil": True, "no_cfunc_wrapper": True, **options, "cache": False}
+    dispatcher: Function = numba.njit(**options)(function)
+    if kept:
+        from sgbd.machine.kept_code import keep_on_disk
+
+        try:
+            keep_on_disk(dispatcher)
+        except RuntimeError as error:  # raised by Numba when it finds no folder to keep the code in
+            if "cannot cache function" not in str(error):
+                raise
+            logger.info("no writable folder for compiled code: %s is compiled in every process", function.__qualname__)
+    return dispatcher
 
 
 def _announce_first_compilation() -> None:

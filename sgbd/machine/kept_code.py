@@ -1,0 +1,64 @@
+"""Machine code that is kept on disk, read without what only compiling needs.
+
+Before Numba reads the first function from disk it makes itself ready to compile: it imports all that it knows to
+translate, `scipy.linalg` among it, and compiles its own functions for counting references, for which LLVM's optimiser
+and code generator are read into memory. That takes some 50 MiB and a third of a second in every process, for nothing
+where no function is compiled after that, as on a robot. What is read from disk needs the addresses of a few functions
+of Numba's, no more; and whatever does compile makes itself ready in any case.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+from llvmlite import binding
+from numba.core.caching import FunctionCache
+
+try:
+    from numba.core.runtime._nrt_python import c_helpers
+except ImportError:
+    c_helpers = None
+
+CAN_SKIP = c_helpers is not None and all(
+    hasattr(FunctionCache, name) for name in ("_load_overload", "_guard_against_spurious_io_errors")
+)
+"""Whether this version of Numba is made as `KeptCode` expects. If not, functions are read as Numba reads them."""
+
+
+class KeptCode(FunctionCache):
+    """The machine code of one function on disk.
+
+    For functions of arrays and numbers. What else Numba's own preparation tells the linker, the secret of hashes of
+    strings, it does not.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Read what is kept for a signature; None if nothing is."""
+        if not CAN_SKIP:
+            return super().load_overload(sig, target_context)
+        name_runtime_functions()
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
+
+
+@cache
+def name_runtime_functions() -> None:
+    """Tell the linker where Numba's functions for memory are, by the names that compiled code has for them."""
+    for name, address in c_helpers.items():
+        binding.add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
+
+
+def keep_on_disk(dispatcher: Any) -> None:
+    """Have the machine code of a function kept on disk, and read from there.
+
+    Args:
+        dispatcher: What `numba.njit` gives.
+
+    Raises:
+        RuntimeError: If there is no folder to keep it in.
+    """
+    dispatcher.enable_caching()
+    # Numba lets nobody choose the class. Its own is an ordinary object, which can take on another one.
+    if type(getattr(dispatcher, "_cache", None)) is FunctionCache:
+        dispatcher._cache.__class__ = KeptCode

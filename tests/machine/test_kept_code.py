@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("numba")
+
+PROGRAM = """
+import json, sys
+import numpy as np
+from sgbd.machine.compiled import compiled
+
+@compiled
+def doubled(values):
+    result = np.empty_like(values)  # memory from Numba
+    for k in range(len(values)):
+        if values[k] < 0:
+            raise ValueError("below zero")
+        result[k] = np.log1p(values[k])
+    return result
+
+@compiled
+def turned(values):
+    return doubled(values)[::-1].copy()
+
+def report(function, values):
+    try:
+        found = function(np.array(values)).tolist()
+    except ValueError as error:
+        found = str(error)
+    read = sum(function.stats.cache_hits.values()) if hasattr(function, "stats") else 0
+    return found, read, "numba.np.arraymath" in sys.modules
+
+print(json.dumps([report(doubled, [0.0, 1.0]), report(doubled, [-1.0]), report(turned, [0.0, 1.0])]))
+"""
+LOG = [0.0, 0.6931471805599453]
+
+
+def _run(path: Path) -> list[list[object]]:
+    done = subprocess.run(
+        [sys.executable, str(path)],
+        capture_output=True, text=True, check=False, env={**os.environ, "NUMBA_CACHE_DIR": str(path.parent / "cache")},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    result: list[list[object]] = json.loads(done.stdout)
+    return result
+
+
+def test_what_is_kept_is_read_without_getting_ready_to_compile(tmp_path: Path):
+    path = tmp_path / "program.py"
+    path.write_text(PROGRAM)
+    assert _run(path) == [[LOG, 0, True], ["below zero", 0, True], [LOG[::-1], 0, True]]
+    assert _run(path) == [[LOG, 1, False], ["below zero", 1, False], [LOG[::-1], 1, False]]
+
+
+def test_what_is_not_kept_is_compiled_and_linked_to_what_is(tmp_path: Path):
+    path = tmp_path / "program.py"
+    path.write_text(PROGRAM)
+    _run(path)
+    for file in (tmp_path / "cache").rglob("*turned*"):
+        file.unlink()
+    assert _run(path) == [[LOG, 1, False], ["below zero", 1, False], [LOG[::-1], 0, True]]
+
+
+def test_another_numba_reads_in_its_own_way(tmp_path: Path):
+    path = tmp_path / "program.py"
+    path.write_text("import sgbd.machine.kept_code\nsgbd.machine.kept_code.CAN_SKIP = False\n" + PROGRAM)
+    _run(path)
+    assert _run(path) == [[LOG, 1, True], ["below zero", 1, True], [LOG[::-1], 1, True]]
