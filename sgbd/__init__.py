@@ -8,7 +8,8 @@ What is where:
 - Graphs on disk: `preparation` makes them, each in a `graph_file` with its `label_map` packed, in a folder called by
   their `recipe`; `node_block_cache` keeps further columns beside them; `data` is the PyG dataset that reads them.
 - Networks: `models`, the tensors that they read without PyG (`graph_tensors`), and a `checkpoint` of both stages.
-- Training: `batches`, `augmentation`, `sampling`, `losses`, and the loop in `training`.
+- Training: `batches`, `augmentation`, `sampling`, `losses`, and in `training` the loop, what it looks at before the
+  first epoch, and the state that an interrupted one goes on from.
 - From classified edges to objects: `partition`, `segmentation`, `repaint`, `calibration` of the scores; all steps from
   a frame on in `segmenter`, from files to files in `prediction`.
 - Scores: `majority`, `metrics`, `evaluation` of graphs, `label_map_evaluation` of other methods and of `label_images`,

@@ -1,15 +1,18 @@
-"""Training an edge classifier, and an objectness head beside it, on prepared graphs."""
+"""The training loop: an edge classifier, and an objectness head beside it, on prepared graphs.
+
+`Trainer.train` checks its input, surveys the graphs and hands the loop to Fabric, which runs `_run` in every process.
+An epoch is `_train_epoch`. What follows it, in the first process only, is `_finish_epoch`: the best checkpoint, the
+state to go on from, and the table of epochs.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
 import inspect
-import io
 import json
 import logging
 import math
-import pickle
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -24,25 +27,26 @@ from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits
 from torch_geometric.data import Data
 
-from sgbd.batches import EpochBatches, batches_in_order, derived_seeds
+from sgbd.batches import EpochBatches, derived_seeds
 from sgbd.checkpoint import CHECKPOINT_FILE, Checkpoint
-from sgbd.graph_arrays import CUT, MERGE
 from sgbd.losses import EdgeLoss
 from sgbd.machine.atomic_file import write_whole
 from sgbd.machine.one_ahead import one_ahead
 from sgbd.machine.progress_bar import ProgressBar
 from sgbd.machine.torch_threads import torch_threads
 from sgbd.models import EdgeClassifier, ObjectnessHead, object_targets
-from sgbd.models.standardize import ColumnMoments
-from sgbd.sampling import EdgeSampler, edge_labels, graphs_of_pairs
+from sgbd.sampling import EdgeSampler
+from sgbd.training.error import TrainingError
+from sgbd.training.state import STATE_FILE, STATE_VERSION, how_to_go_on, read_state, write_state
+from sgbd.training.survey import survey_graphs
 
 log = logging.getLogger(__name__)
 
-STATE_FILE = "state.pt"
 HISTORY_FILE = "history.csv"
 
-STATE_VERSION = 1
-SURVEY_BATCH = 32
+LOSSES = ("loss", "edge_loss", "objectness_loss")
+"""The loss that is minimised and its two parts, as the history names them."""
+
 IDENTIFYING_SECTIONS = ("dataset", "superpixels", "graph", "features")
 """Sections of the recipe whose change makes another training of it."""
 
@@ -52,13 +56,8 @@ Validate = Callable[[EdgeClassifier, ObjectnessHead | None], Mapping[str, float]
 MakeLogger = Callable[..., Logger]
 Augmentation = Callable[[Data, torch.Generator], Data]
 
-
 PLAIN_LOSS = EdgeLoss()
 DEFAULT_OPTIMIZER: Optimizer = functools.partial(torch.optim.Adam, lr=1e-3, fused=True)
-
-
-class TrainingError(RuntimeError):
-    """A training that cannot start or go on; the message says why and what to do."""
 
 
 @dataclass(frozen=True)
@@ -81,25 +80,6 @@ class TrainingResult:
     state: Path
 
 
-@dataclass(frozen=True)
-class Survey:
-    """What one pass over the training graphs found.
-
-    Attributes:
-        usable: int64 [U], the graphs that have a labelled pair.
-        nodes: Moments of the node features.
-        edges: Moments of the edge features.
-        merges: Pairs labelled 1.
-        cuts: Pairs labelled 0.
-    """
-
-    usable: Tensor
-    nodes: ColumnMoments
-    edges: ColumnMoments
-    merges: int
-    cuts: int
-
-
 class JointModel(nn.Module):
     """Edge classifier and objectness head as one module, so that both train in one pass on any device."""
 
@@ -111,6 +91,46 @@ class JointModel(nn.Module):
     def forward(self, batch: Data) -> tuple[Tensor, Tensor | None]:
         """Return merge logits of the batch's pairs and object logits of its nodes."""
         return self.model(batch), None if self.objectness is None else self.objectness(batch)
+
+
+class _Learner:
+    """The networks of one process and what changes them; its state is what a training goes on from.
+
+    Attributes:
+        module: The networks themselves.
+        joint: The same as Fabric runs them, on the device and in step with other processes.
+        optimizer: As Fabric runs it.
+    """
+
+    def __init__(self, trainer: Trainer, fabric: Fabric, checkpoint: Checkpoint, state: Mapping[str, Any]) -> None:
+        self.module = JointModel(checkpoint.model, checkpoint.objectness)
+        if "joint" in state:
+            self.module.load_state_dict(state["joint"])
+        self._optimizer = trainer.optimizer(self.module.parameters())
+        self._scheduler = trainer.scheduler(self._optimizer) if trainer.scheduler else None
+        self.joint, self.optimizer = fabric.setup(self.module, self._optimizer)
+        if "optimizer" in state:
+            self.optimizer.load_state_dict(state["optimizer"])
+            if self._scheduler is not None:
+                self._scheduler.load_state_dict(state["scheduler"])
+
+    @property
+    def rate(self) -> float:
+        """The learning rate, of the first group of parameters."""
+        return float(self._optimizer.param_groups[0]["lr"])
+
+    def end_epoch(self) -> None:
+        """Step the scheduler."""
+        if self._scheduler is not None:
+            self._scheduler.step()
+
+    def state(self) -> dict[str, Any]:
+        """Return what the constructor needs to go on from here, copied to the CPU."""
+        return {
+            "joint": _copied(self.module.state_dict()),
+            "optimizer": self._optimizer.state_dict(),
+            "scheduler": None if self._scheduler is None else self._scheduler.state_dict(),
+        }
 
 
 @dataclass(frozen=True)
@@ -250,7 +270,6 @@ class Trainer:
         loggers: Iterable[MakeLogger],
     ) -> TrainingResult:
         path = folder / STATE_FILE
-        model, objectness, recipe = untrained.model, untrained.objectness, untrained.recipe
         # Fails now, not after the first epoch, if the recipe cannot be written.
         untrained.to_bytes()
         if len(graphs) == 0:
@@ -258,23 +277,10 @@ class Trainer:
                 "there are no training graphs. Prepare some frames first (python -m sgbd.prepare), or look into the "
                 "preparation's report if all were skipped."
             )
-        identity = self._identity(model, objectness, graphs, sampler, recipe)
-        state = _read_state(path, identity)
+        identity = self._identity(untrained, graphs, sampler)
+        state = read_state(path, identity)
         if state is None:
-            survey = survey_graphs(graphs, self.num_workers, self.progress)
-            model.standardize_nodes.fit(survey.nodes)
-            model.standardize_edges.fit(survey.edges)
-            if objectness is not None:
-                objectness.standardize_nodes.fit(survey.nodes)
-            state = {
-                "version": STATE_VERSION,
-                "identity": identity,
-                "epoch": 0,
-                "usable": survey.usable,
-                "history": [],
-                "best": None,
-                "finished": False,
-            }
+            state = self._first_state(untrained, graphs, identity)
         else:
             log.info("going on after epoch %d of %d: %s", state["epoch"], self.epochs, path)
         if not state["finished"]:
@@ -283,22 +289,39 @@ class Trainer:
                 run: Callable[..., None] = self._run
                 fabric.launch(run, untrained, graphs, sampler, folder, validate, state)
             except KeyboardInterrupt:
-                log.warning("training interrupted. %s", _how_to_go_on(path, self.epochs))
+                log.warning("training interrupted. %s", how_to_go_on(path, self.epochs))
                 raise
-            state = _read_state(path, identity)
+            # Other processes may have trained; the file is what they leave.
+            state = read_state(path, identity)
             assert state is not None
-        model.load_state_dict(state["best"]["model"])
-        model.eval()
-        if objectness is not None:
-            objectness.load_state_dict(state["best"]["objectness"])
-            objectness.eval()
+        best = state["best"]
+        untrained.model.load_state_dict(best["model"])
+        untrained.model.eval()
+        if untrained.objectness is not None:
+            untrained.objectness.load_state_dict(best["objectness"])
+            untrained.objectness.eval()
         return TrainingResult(
-            pd.DataFrame(state["history"]),
-            state["best"]["epoch"],
-            state["best"]["score"],
-            folder / CHECKPOINT_FILE,
-            path,
+            pd.DataFrame(state["history"]), best["epoch"], best["score"], folder / CHECKPOINT_FILE, path
         )
+
+    def _first_state(
+        self, untrained: Checkpoint, graphs: Sequence[Data], identity: Mapping[str, str]
+    ) -> dict[str, Any]:
+        """Fit the standardisation of the features to the training graphs, and return the state before epoch 1."""
+        survey = survey_graphs(graphs, self.num_workers, self.progress)
+        untrained.model.standardize_nodes.fit(survey.nodes)
+        untrained.model.standardize_edges.fit(survey.edges)
+        if untrained.objectness is not None:
+            untrained.objectness.standardize_nodes.fit(survey.nodes)
+        return {
+            "version": STATE_VERSION,
+            "identity": identity,
+            "epoch": 0,
+            "usable": survey.usable,
+            "history": [],
+            "best": None,
+            "finished": False,
+        }
 
     def _fabric(self, loggers: list[Logger]) -> Fabric:
         """Return Fabric on the configured devices; it fails where the machine or this build of PyTorch lacks them."""
@@ -327,18 +350,8 @@ class Trainer:
         validate: Validate | None,
         state: dict[str, Any],
     ) -> None:
-        """Train in one process of several, or the only one."""
-        model, objectness = untrained.model, untrained.objectness
-        if "joint" in state:
-            JointModel(model, objectness).load_state_dict(state["joint"])
-        module = JointModel(model, objectness)
-        bare_optimizer = self.optimizer(module.parameters())
-        scheduler = self.scheduler(bare_optimizer) if self.scheduler else None
-        joint, optimizer = fabric.setup(module, bare_optimizer)
-        if "optimizer" in state:
-            optimizer.load_state_dict(state["optimizer"])
-            if scheduler is not None:
-                scheduler.load_state_dict(state["scheduler"])
+        """Train in one process of several, or the only one; `state` is changed and written after every epoch."""
+        learner = _Learner(self, fabric, untrained, state)
         batches = EpochBatches(
             graphs,
             state["usable"],
@@ -359,38 +372,17 @@ class Trainer:
         with bar, torch_threads(self.threads):
             for epoch in range(state["epoch"] + 1, self.epochs + 1):
                 start = time.perf_counter()
-                rate = float(bare_optimizer.param_groups[0]["lr"])
-                losses = self._train_epoch(fabric, joint, optimizer, batches, sampler, epoch, bar)
-                if scheduler is not None:
-                    scheduler.step()
+                row = {"epoch": epoch, "lr": learner.rate}
+                row |= self._train_epoch(fabric, learner, batches, sampler, epoch, bar)
+                learner.end_epoch()
                 stop = False
                 if fabric.is_global_zero:
-                    row = {"epoch": epoch, "lr": rate, **losses}
-                    scores = self._validate(model, objectness, validate)
+                    scores = self._validate(untrained, validate)
                     row["seconds"] = time.perf_counter() - start
                     row |= {f"val/{name}": value for name, value in scores.items()}
+                    _log_row(fabric, row, step=epoch * len(batches))
                     state["history"].append(row)
-                    fabric.log_dict(row, step=epoch * len(batches))
-                    for logger in fabric.loggers:
-                        if hasattr(logger, "save"):
-                            logger.save()
-                    self._keep_best(untrained, scores, epoch, state, folder)
-                    best = state["best"]
-                    waited = epoch - best["epoch"]
-                    stop = self.patience is not None and waited >= self.patience
-                    summary = _summary(losses, scores.get(self.monitor), best)
-                    bar.set_postfix_str(summary)
-                    log.info("epoch %d of %d: %s", epoch, self.epochs, summary)
-                    state |= {
-                        "epoch": epoch,
-                        "joint": _copied(module.state_dict()),
-                        "optimizer": bare_optimizer.state_dict(),
-                        "scheduler": None if scheduler is None else scheduler.state_dict(),
-                        "finished": stop or epoch == self.epochs,
-                    }
-                    _write_state(folder / STATE_FILE, state)
-                    table = pd.DataFrame(state["history"]).to_csv(index=False)
-                    write_whole(folder / HISTORY_FILE, table.encode())
+                    stop = self._finish_epoch(learner, untrained, scores, state, folder, bar)
                 if fabric.broadcast(stop):
                     log.info("stopped after epoch %d: no better score in %d epochs", epoch, self.patience)
                     break
@@ -400,20 +392,20 @@ class Trainer:
     def _train_epoch(
         self,
         fabric: Fabric,
-        joint: nn.Module,
-        optimizer: Any,
+        learner: _Learner,
         batches: EpochBatches,
         sampler: EdgeSampler,
         epoch: int,
         bar: ProgressBar,
     ) -> dict[str, float]:
+        """Take a step for each batch, and return the epoch's mean losses over all processes by their names."""
         seed, sampling_seed = derived_seeds(self.seed, epoch, fabric.global_rank)
         torch.manual_seed(seed)
         generator = torch.Generator().manual_seed(sampling_seed)
-        joint.train()
-        sums = torch.zeros(3, dtype=torch.float64)
+        learner.joint.train()
+        sums = torch.zeros(len(LOSSES), dtype=torch.float64)
         # Not float64: some devices have none.
-        recent = torch.zeros(3, device=fabric.device)
+        recent = torch.zeros(len(LOSSES), device=fabric.device)
         steps = since = 0
         # Begun here and not in the thread that goes on with it: this may fork processes.
         iterator = iter(batches.epoch(epoch))
@@ -427,14 +419,7 @@ class Trainer:
             return drawn if self.augmentation is None else self.augmentation(drawn, generator)
 
         for drawn in one_ahead(next_batch):
-            edge_loss, objectness_loss = self._losses(joint, fabric.to_device(drawn))
-            loss = edge_loss + self.objectness_weight * objectness_loss
-            optimizer.zero_grad()
-            fabric.backward(loss)
-            if self.gradient_clip_norm is not None:
-                fabric.clip_gradients(joint, optimizer, max_norm=self.gradient_clip_norm, error_if_nonfinite=False)
-            optimizer.step()
-            recent += torch.stack([loss.detach(), edge_loss.detach(), objectness_loss.detach()])
+            recent += self._step(fabric, learner, drawn)
             steps, since = steps + 1, since + 1
             bar.update()
             if since == self.log_every or steps == len(batches):
@@ -452,7 +437,20 @@ class Trainer:
                 recent.zero_()
                 since = 0
         means_of_epoch: Any = fabric.all_reduce((sums / steps).float().to(fabric.device), reduce_op="mean")
-        return dict(zip(("loss", "edge_loss", "objectness_loss"), means_of_epoch.tolist(), strict=True))
+        return dict(zip(LOSSES, means_of_epoch.tolist(), strict=True))
+
+    def _step(self, fabric: Fabric, learner: _Learner, drawn: Data) -> Tensor:
+        """Change the weights by the gradient of one batch; returns its losses, float32, in the order of `LOSSES`."""
+        edge_loss, objectness_loss = self._losses(learner.joint, fabric.to_device(drawn))
+        loss = edge_loss + self.objectness_weight * objectness_loss
+        learner.optimizer.zero_grad()
+        fabric.backward(loss)
+        if self.gradient_clip_norm is not None:
+            fabric.clip_gradients(
+                learner.joint, learner.optimizer, max_norm=self.gradient_clip_norm, error_if_nonfinite=False
+            )
+        learner.optimizer.step()
+        return torch.stack([loss.detach(), edge_loss.detach(), objectness_loss.detach()])
 
     def _losses(self, joint: nn.Module, data: Data) -> tuple[Tensor, Tensor]:
         """Return the edge loss over drawn pairs, and the mean cross-entropy over superpixels of known instance."""
@@ -465,22 +463,52 @@ class Trainer:
         total = binary_cross_entropy_with_logits(node_logits, target.clamp(min=0), weight=known, reduction="sum")
         return edge_loss, total / known.sum().clamp(min=1)
 
-    def _validate(
-        self, model: EdgeClassifier, objectness: ObjectnessHead | None, validate: Validate | None
-    ) -> dict[str, float]:
-        model.eval()
-        if objectness is not None:
-            objectness.eval()
+    def _validate(self, networks: Checkpoint, validate: Validate | None) -> dict[str, float]:
+        """Put the networks in evaluation mode, and return their scores by name: none without validation."""
+        networks.model.eval()
+        if networks.objectness is not None:
+            networks.objectness.eval()
         if validate is None:
             return {}
         with torch.no_grad():
-            scores = {name: float(value) for name, value in validate(model, objectness).items()}
+            scores = {name: float(value) for name, value in validate(networks.model, networks.objectness).items()}
         if self.monitor not in scores:
             raise TrainingError(
                 f"validation gives no {self.monitor!r}, by which the best epoch is chosen; "
                 f"set trainer.monitor to one of {', '.join(scores) or '(it gives nothing)'}"
             )
         return scores
+
+    def _finish_epoch(
+        self,
+        learner: _Learner,
+        checkpoint: Checkpoint,
+        scores: dict[str, float],
+        state: dict[str, Any],
+        folder: Path,
+        bar: ProgressBar,
+    ) -> bool:
+        """Write the checkpoint if it is the best so far, the state and the history; says whether to stop early.
+
+        Args:
+            learner: The networks after the epoch.
+            checkpoint: The same networks with their recipe.
+            scores: What validation gave.
+            state: The last epoch's state, with the history up to this epoch; brought up to date.
+            folder: Where to write.
+            bar: Shows a summary.
+        """
+        row = state["history"][-1]
+        epoch = row["epoch"]
+        self._keep_best(checkpoint, scores, epoch, state, folder)
+        stop = self.patience is not None and epoch - state["best"]["epoch"] >= self.patience
+        summary = _summary(row["loss"], scores.get(self.monitor), state["best"])
+        bar.set_postfix_str(summary)
+        log.info("epoch %d of %d: %s", epoch, self.epochs, summary)
+        state |= {"epoch": epoch, **learner.state(), "finished": stop or epoch == self.epochs}
+        write_state(folder / STATE_FILE, state)
+        write_whole(folder / HISTORY_FILE, pd.DataFrame(state["history"]).to_csv(index=False).encode())
+        return stop
 
     def _keep_best(
         self,
@@ -505,15 +533,9 @@ class Trainer:
         recipe = {**checkpoint.recipe, "scores": {"epoch": epoch, **finite}}
         dataclasses.replace(checkpoint, recipe=recipe).save(folder / CHECKPOINT_FILE)
 
-    def _identity(
-        self,
-        model: EdgeClassifier,
-        objectness: ObjectnessHead | None,
-        graphs: Sequence[Data],
-        sampler: EdgeSampler,
-        recipe: Mapping[str, Any],
-    ) -> dict[str, str]:
-        """Say what makes this training another one than the next, by name."""
+    def _identity(self, untrained: Checkpoint, graphs: Sequence[Data], sampler: EdgeSampler) -> dict[str, str]:
+        """Describe all that decides on a training's result, by name: only one that agrees in it may be gone on with."""
+        model, objectness, recipe = untrained.model, untrained.objectness, untrained.recipe
         optimizer = self.optimizer(JointModel(model, objectness).parameters())
         options = {key: value for key, value in optimizer.param_groups[0].items() if key != "params"}
         identity = {
@@ -543,73 +565,6 @@ class Trainer:
         }
 
 
-def survey_graphs(graphs: Sequence[Data], num_workers: int = 0, progress: bool = True) -> Survey:
-    """Go once over the training graphs: moments of all features, and which graphs have labels.
-
-    Args:
-        graphs: Training graphs.
-        num_workers: Processes that read graphs ahead.
-        progress: Whether to show a progress bar.
-
-    Returns:
-        What was found.
-
-    Raises:
-        TrainingError: If a graph has no labels field or features that are not finite, or no graph a labelled pair.
-    """
-    nodes = edges = None
-    usable, merges, cuts, start = [], 0, 0, 0
-    loader = batches_in_order(graphs, SURVEY_BATCH, num_workers)
-    for batch in ProgressBar(loader, desc="feature statistics", unit="batch", disable=not progress, leave=False):
-        for field in ("x", "edge_attr"):
-            if not torch.isfinite(batch[field]).all():
-                raise TrainingError(_not_finite(graphs, field, start))
-        if nodes is None or edges is None:
-            nodes, edges = ColumnMoments(batch.x.size(1)), ColumnMoments(batch.edge_attr.size(1))
-        nodes.update(batch.x)
-        edges.update(batch.edge_attr)
-        try:
-            labels = edge_labels(batch)
-        except ValueError as error:
-            raise TrainingError(str(error)) from error
-        num_graphs, graph = graphs_of_pairs(batch)
-        merge, cut = labels == MERGE, labels == CUT
-        merges, cuts = merges + int(merge.sum()), cuts + int(cut.sum())
-        known = torch.bincount(graph[merge | cut], minlength=num_graphs)
-        usable.append(start + known.nonzero().squeeze(1))
-        start += num_graphs
-    assert nodes is not None
-    assert edges is not None
-    survey = Survey(torch.cat(usable), nodes, edges, merges, cuts)
-    if survey.usable.numel() == 0:
-        raise TrainingError(
-            f"none of the {start} training graphs has a labelled pair of superpixels: every frame is one superpixel or "
-            "lies wholly in ignored pixels. Look at the labels and at superpixels.*."
-        )
-    if survey.usable.numel() < start:
-        log.warning(
-            "%d of %d training graphs have no labelled pair and are left out", start - len(survey.usable), start
-        )
-    if merges == 0 or cuts == 0:
-        log.warning(
-            "all labelled pairs are of one class (%d merge, %d cut): there is nothing to tell apart", merges, cuts
-        )
-    return survey
-
-
-def _not_finite(graphs: Sequence[Data], field: str, start: int) -> str:
-    for index in range(start, len(graphs)):
-        graph = graphs[index]
-        bad = (~torch.isfinite(graph[field])).any(0).nonzero().squeeze(1).tolist()
-        if bad:
-            name = getattr(graph, "name", "") or f"number {index}"
-            return (
-                f"training graph {name}: {field} holds NaN or infinite values in column {', '.join(map(str, bad))}. "
-                "Prepare the graphs anew; if it stays, the frame's depth or your own features are at fault."
-            )
-    raise AssertionError("unreachable: a batch holds a value that none of its graphs has")
-
-
 def _described(part: object) -> str:
     """Return what tells a part from others in another process too: without the address that Python shows."""
     if inspect.isroutine(part):
@@ -625,46 +580,16 @@ def _copied(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
     return {key: value.detach().cpu().clone() for key, value in state.items()}
 
 
-def _summary(losses: Mapping[str, float], score: float | None, best: Mapping[str, Any]) -> str:
-    text = f"loss {losses['loss']:.3f}"
+def _log_row(fabric: Fabric, row: Mapping[str, float], step: int) -> None:
+    """Give an epoch's numbers to all loggers, and have them written at once."""
+    fabric.log_dict(row, step=step)
+    for logger in fabric.loggers:
+        if hasattr(logger, "save"):
+            logger.save()
+
+
+def _summary(loss: float, score: float | None, best: Mapping[str, Any]) -> str:
+    text = f"loss {loss:.3f}"
     return (
         text if score is None else f"{text}, validation {score:.4f}, best {best['score']:.4f} (epoch {best['epoch']})"
     )
-
-
-def _write_state(path: Path, state: dict[str, Any]) -> None:
-    content = io.BytesIO()
-    torch.save(state, content)
-    write_whole(path, content.getvalue())
-
-
-def _read_state(path: Path, identity: Mapping[str, str]) -> dict[str, Any] | None:
-    if not path.exists():
-        return None
-    try:
-        state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
-        version, theirs = state["version"], state["identity"]
-    except (RuntimeError, EOFError, pickle.UnpicklingError, LookupError, TypeError) as error:
-        raise TrainingError(
-            f"{path} cannot be read: it is damaged, or not the state of a training. Delete it to train from the start."
-        ) from error
-    if version != STATE_VERSION:
-        raise TrainingError(
-            f"{path} is of format version {version}, this version of sgbd goes on from version {STATE_VERSION}. Delete "
-            "it to train from the start."
-        )
-    different = sorted(key for key in {*theirs, *identity} if theirs.get(key) != identity.get(key))
-    if different:
-        changes = "; ".join(f"{key} was {theirs.get(key)}, now {identity.get(key)}" for key in different)
-        raise TrainingError(
-            f"{path} is of another training: {changes}. Go on with the old settings, choose another folder, or delete "
-            "the file to train from the start."
-        )
-    return state
-
-
-def _how_to_go_on(path: Path, epochs: int) -> str:
-    if not path.exists():
-        return "No epoch was finished, so it will begin anew."
-    done = torch.load(path, map_location="cpu", weights_only=True)["epoch"]
-    return f"{done} of {epochs} epochs are finished and kept in {path}; train into this folder again to go on."

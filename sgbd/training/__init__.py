@@ -1,0 +1,7 @@
+"""Training of an edge classifier, and of an objectness head beside it, on prepared graphs."""
+
+from sgbd.training.error import TrainingError
+from sgbd.training.survey import Survey, survey_graphs
+from sgbd.training.trainer import Trainer, TrainingResult
+
+__all__ = ["Survey", "Trainer", "TrainingError", "TrainingResult", "survey_graphs"]
