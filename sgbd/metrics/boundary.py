@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sgbd.frame import IGNORE
 from sgbd.machine.compiled import compiled
+from sgbd.machine.union_find import find_root
 from sgbd.metrics.f_measure import precision_recall_f
 from sgbd.metrics.label_index import as_label_map, label_index
 from sgbd.metrics.overlap import Matching
@@ -245,9 +246,9 @@ def _contours(mask: NDArray[np.int32], count: int) -> NDArray[np.int32]:
             above, here, behind = of_row[max(y - 1 - top, 0)], of_row[y - top], of_row[y - top + 1]
             below = of_row[y - top + 2] if y < bottom else behind
             for r in range(here, behind):
-                if r == here or _root(parent, r) == _root(parent, outside):
+                if r == here or find_root(parent, r) == find_root(parent, outside):
                     contour[y, start[r]] = k
-                if r == behind - 1 or _root(parent, r + 1) == _root(parent, outside):
+                if r == behind - 1 or find_root(parent, r + 1) == find_root(parent, outside):
                     contour[y, end[r] - 1] = k
             _mark(contour, k, y, start, end, here, behind, above, here, parent, outside)
             _mark(contour, k, y, start, end, here, behind, behind, below, parent, outside)
@@ -271,7 +272,7 @@ def _open_gaps(
     """
     for gap in range(first + 1, last):
         if other == other_last or end[gap - 1] < start[other] or start[gap] > end[other_last - 1]:
-            parent[_root(parent, gap)] = _root(parent, outside)
+            parent[find_root(parent, gap)] = find_root(parent, outside)
 
 
 @compiled
@@ -282,7 +283,7 @@ def _join_gaps(
     one, other = first + 1, middle + 1
     while one < middle and other < last:
         if end[one - 1] < start[other] and end[other - 1] < start[one]:
-            parent[_root(parent, one)] = _root(parent, other)
+            parent[find_root(parent, one)] = find_root(parent, other)
         # The one that ends first meets no further gap.
         if start[one] < start[other]:
             one += 1
@@ -316,20 +317,12 @@ def _mark(
             stop = start[here] if here < other_last else contour.shape[1]
             if begin >= end[r]:
                 break
-            if here in (other, other_last) or _root(parent, here) == _root(parent, outside):
+            if here in (other, other_last) or find_root(parent, here) == find_root(parent, outside):
                 for x in range(max(begin, start[r]), min(stop, end[r])):
                     contour[y, x] = k
             if here == other_last:
                 break
             here += 1
-
-
-@compiled
-def _root(parent: NDArray[np.int64], node: int) -> int:
-    while parent[node] != node:
-        parent[node] = parent[parent[node]]
-        node = parent[node]
-    return node
 
 
 @compiled

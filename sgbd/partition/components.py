@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgbd.machine.compiled import compiled
+from sgbd.machine.union_find import find_root
 from sgbd.partition.partitioner import number_by_first_appearance
 from sgbd.partition.threshold_partitioner import ThresholdPartitioner
 
@@ -57,13 +58,7 @@ def connected_components(num_nodes: int, pairs: NDArray[np.int64]) -> NDArray[np
 def _join(pairs: NDArray[np.int64], parents: NDArray[np.int64]) -> None:
     """Write the first node of its component to every node's place in `parents`, int64 [N], at first 0 to N - 1."""
     for edge in range(pairs.shape[1]):
-        one, other = pairs[0, edge], pairs[1, edge]
-        while parents[one] != one:
-            parents[one] = parents[parents[one]]
-            one = parents[one]
-        while parents[other] != other:
-            parents[other] = parents[parents[other]]
-            other = parents[other]
+        one, other = find_root(parents, pairs[0, edge]), find_root(parents, pairs[1, edge])
         if one < other:
             parents[other] = one
         else:

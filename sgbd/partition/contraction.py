@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgbd.machine.compiled import compiled
+from sgbd.machine.union_find import find_root
 from sgbd.partition.heap import Heap, pop, push
 from sgbd.partition.partitioner import number_by_first_appearance
 
@@ -179,11 +180,7 @@ def _contract(
         parent[gone] = kept
         size = _join_nodes(edges, incidence, heap, size, edge_to, kept, gone, linkage, cannot_link)
     for node in range(len(parent)):
-        root = node
-        while parent[root] != root:
-            parent[root] = parent[parent[root]]
-            root = parent[root]
-        parent[node] = root
+        parent[node] = find_root(parent, node)
 
 
 @compiled(inline="always")

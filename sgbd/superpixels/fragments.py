@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap
 from sgbd.machine.compiled import HAS_NUMBA, compiled
+from sgbd.machine.union_find import find_root
 from sgbd.repaint import repaint
 from sgbd.superpixels.connect import connected_regions, intersect, merge_fragments
 
@@ -98,7 +99,7 @@ def _find_pieces(first, second, runs, pieces, parents, facts):  # type: ignore[n
                 begin = start if above == 0 or ends_above[above - 1] < start else ends_above[above - 1]
                 if first[row - 1, begin] == one and second[row - 1, begin] == two:
                     other = numbers_above[above]
-                    piece = _root(parents, other) if piece == count else _join(parents, piece, other)
+                    piece = find_root(parents, other) if piece == count else _join(parents, piece, other)
                 last_of_run = ends_above[above] >= end
                 above += ends_above[above] <= end
                 if last_of_run:
@@ -130,7 +131,7 @@ def _find_pieces(first, second, runs, pieces, parents, facts):  # type: ignore[n
 def _gather(parents, facts, groups):  # type: ignore[no-untyped-def]
     """Name every piece by the root of its group, and bring what is known of the pieces together there."""
     for piece in range(len(parents)):
-        root = _root(parents, piece)
+        root = find_root(parents, piece)
         groups[piece] = root
         if root != piece and facts[piece, PIXELS] > 0:
             fact, whole = facts[piece], facts[root]
@@ -189,18 +190,10 @@ def _merge_round(pieces, groups, facts, fragments, parents, met, border):  # typ
         _join(parents, fragment, best)
 
 
-@compiled(inline="always")
-def _root(parents, piece):  # type: ignore[no-untyped-def]
-    while parents[piece] != piece:
-        parents[piece] = parents[parents[piece]]
-        piece = parents[piece]
-    return piece
-
-
 @compiled
 def _join(parents, one, other):  # type: ignore[no-untyped-def]
     """Join two groups under the root that comes first in raster order, and return it."""
-    one, other = _root(parents, one), _root(parents, other)
+    one, other = find_root(parents, one), find_root(parents, other)
     if other < one:
         one, other = other, one
     parents[other] = one
