@@ -51,8 +51,8 @@ def compiled(function: Function | None = None, /, **options: Any) -> Function | 
     folder can be written, as in a read-only container, the function is compiled once a process.
 
     Args:
-        function: a function of arrays and numbers in the part of Python that Numba understands.
-        **options: further options of `numba.njit`; ``cache`` and ``nogil`` are on unless given.
+        function: A function of arrays and numbers in the part of Python that Numba understands.
+        **options: Further options of `numba.njit`; ``cache`` and ``nogil`` are on unless given.
 
     Returns:
         The compiled function, or `function` itself where Numba is missing.

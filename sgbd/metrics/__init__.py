@@ -1,4 +1,13 @@
-"""Scores of segmentations, over-segmentations and edge decisions, from NumPy arrays."""
+"""Scores of segmentations, over-segmentations and edge decisions, from NumPy arrays.
+
+- `contingency`: the pixels that each segment shares with each instance, which nearly all scores are computed from.
+  `objects`: which segments and instances count as objects.
+- `overlap` and `boundary`: the published precision, recall and F of objects and of their contours. `categories`: the
+  same per category, for seen and unseen ones. `f_measure`: what they are where nothing is predicted or true.
+- `clustering`: adapted Rand error and variation of information, of all regions.
+- `superpixel` and `oracle`: what an over-segmentation loses. `edges`: decisions on edges.
+- `frame_scores`: all of these of one frame as a row, and the means over frames.
+"""
 
 from sgbd.metrics.boundary import BoundaryScores, ContourMap, ContourMatch, boundary_scores, contours, match_contours
 from sgbd.metrics.categories import (

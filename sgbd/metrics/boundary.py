@@ -40,9 +40,9 @@ class BoundaryScores:
     """Agreement of the contours of predicted and true objects in one frame.
 
     Attributes:
-        precision: share (0 to 1) of the predicted objects' contour pixels that are matched.
-        recall: share of the true objects' contour pixels that are matched.
-        f_measure: harmonic mean of the two.
+        precision: Share (0 to 1) of the predicted objects' contour pixels that are matched.
+        recall: Share of the true objects' contour pixels that are matched.
+        f_measure: Harmonic mean of the two.
     """
 
     precision: float
@@ -92,12 +92,15 @@ def contours(label_map: ArrayLike, labels: ArrayLike, truth: ArrayLike | None = 
     """Find the contours of the masks of some labels.
 
     Args:
-        label_map: integers [H, W].
-        labels: the distinct labels [K] that have a contour.
-        truth: integers [H, W], whose ignored pixels (-1) belong to no mask.
+        label_map: Integers [H, W].
+        labels: The distinct labels [K] that have a contour.
+        truth: Integers [H, W], whose ignored pixels (-1) belong to no mask.
+
+    Returns:
+        The contours; a label without a pixel has one of length 0.
 
     Raises:
-        ValueError: if the maps aren't integer label maps of one shape.
+        ValueError: If the maps aren't integer label maps of one shape.
     """
     label_map = as_label_map(label_map, "the label map", lowest=IGNORE)
     labels = np.asarray(labels, dtype=np.int64)
@@ -119,13 +122,16 @@ def match_contours(
     """Match the contours of matched objects.
 
     Args:
-        prediction: integers [H, W], predicted segment of each pixel; or the contours of the predicted objects, and
+        prediction: Integers [H, W], predicted segment of each pixel; or the contours of the predicted objects, and
             of any others, with the ignored pixels of the truth cleared.
-        truth: integers [H, W], true instance of each pixel, -1 = ignore; or the contours of the true objects.
-        matching: the objects and their matches.
+        truth: Integers [H, W], true instance of each pixel, -1 = ignore; or the contours of the true objects.
+        matching: The objects and their matches.
+
+    Returns:
+        Contour pixels of every object, and how many of them are near the contour of its match.
 
     Raises:
-        ValueError: if the maps aren't integer label maps of one shape, or an object has no contour among those given.
+        ValueError: If the maps aren't integer label maps of one shape, or an object has no contour among those given.
     """
     if not isinstance(prediction, ContourMap):
         prediction = as_label_map(prediction, "the prediction")

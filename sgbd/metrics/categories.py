@@ -55,10 +55,10 @@ class CategoryScores:
     """Scores of one frame per category.
 
     Attributes:
-        scores: of every category that has a matched object.
-        predicted: number of segments that share a pixel with an object.
-        detected: number of objects whose match has F > 0.75.
-        objects: number of true objects.
+        scores: Of every category that has a matched object.
+        predicted: Number of segments that share a pixel with an object.
+        detected: Number of objects whose match has F > 0.75.
+        objects: Number of true objects.
     """
 
     scores: Mapping[Hashable, PairScores]
@@ -84,14 +84,14 @@ def category_scores(
     """Scores of one frame per category.
 
     Args:
-        table: the contingency table of the frame.
-        category: category of each true object. Objects without one take part in the matching and have no score.
-        prediction: integers [H, W], predicted segment of each pixel; only boundaries need it.
-        truth: integers [H, W], true instance of each pixel, -1 = ignore; only boundaries need it.
-        unmatched: whether objects without a match have no score (as published) or score 0.
+        table: The contingency table of the frame.
+        category: Category of each true object. Objects without one take part in the matching and have no score.
+        prediction: Integers [H, W], predicted segment of each pixel; only boundaries need it.
+        truth: Integers [H, W], true instance of each pixel, -1 = ignore; only boundaries need it.
+        unmatched: Whether objects without a match have no score (as published) or score 0.
 
     Raises:
-        ValueError: if only one of `prediction` and `truth` is given, or `unmatched` is something else.
+        ValueError: If only one of `prediction` and `truth` is given, or `unmatched` is something else.
     """
     if unmatched not in ("skip", "zero"):
         raise ValueError(f"unmatched must be 'skip' or 'zero', got {unmatched!r}")
@@ -152,8 +152,8 @@ def seen_and_unseen(frames: Sequence[CategoryScores], seen: Collection[Hashable]
     """Mean scores over seen and over unseen categories, and their harmonic mean.
 
     Args:
-        frames: scores of each frame.
-        seen: the categories that occur in training; all others are unseen.
+        frames: Scores of each frame.
+        seen: The categories that occur in training; all others are unseen.
 
     Returns:
         A table with the rows ``seen``, ``unseen`` and ``harmonic_mean``, the columns of `PairScores` and

@@ -19,13 +19,13 @@ class ClusteringScores:
     """Agreement of segments and instances as clusterings of the pixels of one frame.
 
     Attributes:
-        rand_error: adapted Rand error, 0 (equal) to 1: 1 - F of precision and recall over pairs of pixels, where a
+        rand_error: Adapted Rand error, 0 (equal) to 1: 1 - F of precision and recall over pairs of pixels, where a
             pair counts as predicted (true) if both pixels lie in one segment (instance). I. Arganda-Carreras et al.,
             "Crowdsourcing the creation of image segmentation algorithms for connectomics", Frontiers in Neuroanatomy
             2015, doi:10.3389/fnana.2015.00142.
         split: H(segment | instance) in bits, 0 if no instance is split: over-segmentation.
         merge: H(instance | segment) in bits, 0 if no segment merges instances: under-segmentation.
-        variation_of_information: split + merge. M. Meilă, "Comparing clusterings", Journal of Multivariate Analysis
+        variation_of_information: Split + merge. M. Meilă, "Comparing clusterings", Journal of Multivariate Analysis
             2007, doi:10.1016/j.jmva.2006.11.013.
     """
 

@@ -44,11 +44,11 @@ class ContingencyTable:
         """Count over two label maps.
 
         Args:
-            prediction: integers [H, W], predicted segment of each pixel, not negative.
-            truth: integers [H, W], true instance of each pixel, -1 = ignore.
+            prediction: Integers [H, W], predicted segment of each pixel, not negative.
+            truth: Integers [H, W], true instance of each pixel, -1 = ignore.
 
         Raises:
-            ValueError: if the maps aren't integer label maps of one shape or hold labels that are too low.
+            ValueError: If the maps aren't integer label maps of one shape or hold labels that are too low.
         """
         prediction = as_label_map(prediction, "the prediction")
         truth = as_label_map(truth, "the truth", lowest=IGNORE)
@@ -75,7 +75,7 @@ class ContingencyTable:
             segment: int [N], segment of each superpixel, not negative.
 
         Raises:
-            ValueError: if the lengths differ, a superpixel has no segment or a segment is negative.
+            ValueError: If the lengths differ, a superpixel has no segment or a segment is negative.
         """
         superpixel, instance = np.asarray(superpixel), np.asarray(instance)
         count, segment = np.asarray(count), np.asarray(segment)

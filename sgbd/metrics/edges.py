@@ -15,10 +15,10 @@ class EdgeScores:
     """Decisions on the edges of one graph (or of several, counted together).
 
     Attributes:
-        cut_precision: share (0 to 1) of the cut edges that lie between different instances.
-        cut_recall: share of the edges between different instances that are cut.
-        cut_f_measure: harmonic mean of the two. Cuts are the rare class, so this says more than the accuracy.
-        merge_accuracy: share of all edges that are rightly merged or rightly cut; 1 if there are none.
+        cut_precision: Share (0 to 1) of the cut edges that lie between different instances.
+        cut_recall: Share of the edges between different instances that are cut.
+        cut_f_measure: Harmonic mean of the two. Cuts are the rare class, so this says more than the accuracy.
+        merge_accuracy: Share of all edges that are rightly merged or rightly cut; 1 if there are none.
     """
 
     cut_precision: float
@@ -36,7 +36,7 @@ def edge_scores(merged: ArrayLike, edge_label: ArrayLike) -> EdgeScores:
         edge_label: [E], 1 = same instance, 0 = different instances, -1 = unknown: left out.
 
     Raises:
-        ValueError: if the shapes differ, `merged` isn't boolean or a label is none of these.
+        ValueError: If the shapes differ, `merged` isn't boolean or a label is none of these.
     """
     merged, label = np.asarray(merged), np.asarray(edge_label)
     if merged.dtype != bool:

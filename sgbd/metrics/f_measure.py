@@ -18,10 +18,10 @@ def precision_recall_f(
     that was predicted is false. This is the convention of the published evaluation of unseen-object segmentation.
 
     Args:
-        predicted_right: how much of the prediction is right.
-        predicted: how much was predicted.
-        true_found: how much of the truth was found; differs from `predicted_right` where matching is tolerant.
-        true: how much is true.
+        predicted_right: How much of the prediction is right.
+        predicted: How much was predicted.
+        true_found: How much of the truth was found; differs from `predicted_right` where matching is tolerant.
+        true: How much is true.
 
     Returns:
         Precision, recall, F, each from 0 to 1.

@@ -23,13 +23,13 @@ class FrameScores:
     """Scores of one frame. All are shares from 0 to 1, except counts and the entropies (bits) in `clustering`.
 
     Attributes:
-        name: of the frame.
-        overlap: overlap of objects.
-        clustering: agreement of all regions.
-        boundary: agreement of object contours, None if they weren't compared.
-        edges: decisions on edges, None if not judged.
-        oracle_overlap: what the best partition of the superpixels would have had, None if not known.
-        oracle_boundary: the same for contours.
+        name: Of the frame.
+        overlap: Overlap of objects.
+        clustering: Agreement of all regions.
+        boundary: Agreement of object contours, None if they weren't compared.
+        edges: Decisions on edges, None if not judged.
+        oracle_overlap: What the best partition of the superpixels would have had, None if not known.
+        oracle_boundary: The same for contours.
     """
 
     name: str
@@ -75,17 +75,17 @@ def score_frame(
     """Score one frame.
 
     Args:
-        table: the contingency table of the predicted segments.
-        objects: labels of the segments that are objects (see `sgbd.metrics.objects`); by default those from 2 on.
-        prediction: integers [H, W], predicted segment of each pixel, for boundaries.
-        truth: integers [H, W], true instance of each pixel, -1 = ignore, for boundaries.
-        oracle: the contingency table of the oracle's segments (see `sgbd.metrics.oracle`).
-        oracle_prediction: integers [H, W], the oracle's segment of each pixel, for its boundaries.
-        edges: scores of the decisions on edges.
-        name: of the frame.
+        table: The contingency table of the predicted segments.
+        objects: Labels of the segments that are objects (see `sgbd.metrics.objects`); by default those from 2 on.
+        prediction: Integers [H, W], predicted segment of each pixel, for boundaries.
+        truth: Integers [H, W], true instance of each pixel, -1 = ignore, for boundaries.
+        oracle: The contingency table of the oracle's segments (see `sgbd.metrics.oracle`).
+        oracle_prediction: Integers [H, W], the oracle's segment of each pixel, for its boundaries.
+        edges: Scores of the decisions on edges.
+        name: Of the frame.
 
     Raises:
-        ValueError: if a label map for boundaries comes without the one it is to be compared with.
+        ValueError: If a label map for boundaries comes without the one it is to be compared with.
     """
     if prediction is not None and truth is None:
         raise ValueError("boundaries need the true label map as well: give truth with prediction")

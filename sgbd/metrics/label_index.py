@@ -18,12 +18,12 @@ def as_label_map(label_map: ArrayLike, name: str, lowest: int = 0) -> NDArray[np
     """Check a label map.
 
     Args:
-        label_map: integers [H, W].
-        name: what to call it in an error.
-        lowest: the lowest label that is allowed.
+        label_map: Integers [H, W].
+        name: What to call it in an error.
+        lowest: The lowest label that is allowed.
 
     Raises:
-        ValueError: if it isn't a two-dimensional array of integers, or holds a label below `lowest`.
+        ValueError: If it isn't a two-dimensional array of integers, or holds a label below `lowest`.
     """
     array = np.asarray(label_map)
     if array.ndim != 2 or not np.issubdtype(array.dtype, np.integer):
@@ -49,8 +49,8 @@ def label_index(label_map: NDArray[np.integer], labels: ArrayLike) -> NDArray[np
     """The position of every label in a list of labels.
 
     Args:
-        label_map: labels, of any shape.
-        labels: distinct labels [K], in any order.
+        label_map: Labels, of any shape.
+        labels: Distinct labels [K], in any order.
 
     Returns:
         int32 of the shape of `label_map`: k where it holds ``labels[k]``, -1 where it holds none of them.

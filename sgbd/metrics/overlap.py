@@ -59,14 +59,14 @@ class OverlapScores:
     """Overlap of predicted and true objects in one frame.
 
     Attributes:
-        precision: share (0 to 1) of the predicted objects' pixels that lie on the object they are matched with.
-        recall: share of the true objects' pixels that are covered by the segment they are matched with.
-        f_measure: harmonic mean of the two.
-        detected_share: share of the true objects whose match has F > 0.75 ("F@.75"); without true objects it is 1
+        precision: Share (0 to 1) of the predicted objects' pixels that lie on the object they are matched with.
+        recall: Share of the true objects' pixels that are covered by the segment they are matched with.
+        f_measure: Harmonic mean of the two.
+        detected_share: Share of the true objects whose match has F > 0.75 ("F@.75"); without true objects it is 1
             if nothing was predicted, else 0.
-        predicted: number of predicted objects.
-        detected: number of true objects detected.
-        objects: number of true objects.
+        predicted: Number of predicted objects.
+        detected: Number of true objects detected.
+        objects: Number of true objects.
     """
 
     precision: float
@@ -82,9 +82,12 @@ def match_objects(table: ContingencyTable, objects: ArrayLike | None = None) -> 
     """Match predicted with true objects so that the sum of the pairs' F-measures is greatest (Hungarian method).
 
     Args:
-        table: the contingency table of the frame.
-        objects: labels of the segments that are objects; by default those with labels from 2 on, as in the truth.
+        table: The contingency table of the frame.
+        objects: Labels of the segments that are objects; by default those with labels from 2 on, as in the truth.
             Labels of segments without a pixel of known truth are left out.
+
+    Returns:
+        The pairs, as many as there are of the rarer kind, with their overlap.
     """
     from scipy.optimize import linear_sum_assignment  # here: segmenting needs the metrics, and does not wait for it
 
@@ -116,8 +119,11 @@ def overlap_scores(table: ContingencyTable, matching: Matching | None = None) ->
     """Overlap precision, recall, F-measure and detected share of one frame.
 
     Args:
-        table: the contingency table of the frame.
-        matching: of predicted and true objects in `table`; by default the labels say what an object is.
+        table: The contingency table of the frame.
+        matching: Of predicted and true objects in `table`; by default the labels say what an object is.
+
+    Returns:
+        The scores over all objects of the frame, summed in pixels.
     """
     if matching is None:
         matching = match_objects(table)

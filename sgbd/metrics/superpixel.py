@@ -21,7 +21,7 @@ def achievable_segmentation_accuracy(table: ContingencyTable) -> float:
     M.-Y. Liu, O. Tuzel, S. Ramalingam, R. Chellappa, "Entropy rate superpixel segmentation", CVPR 2011.
 
     Args:
-        table: of superpixels (as segments) and instances.
+        table: Of superpixels (as segments) and instances.
     """
     return float(table.counts.max(axis=1).sum() / table.total) if table.total else 1.0
 
@@ -33,7 +33,7 @@ def undersegmentation_error(table: ContingencyTable) -> float:
     an error. P. Neubert, P. Protzel, "Superpixel benchmark and comparison", Forum Bildverarbeitung 2012.
 
     Args:
-        table: of superpixels (as segments) and instances.
+        table: Of superpixels (as segments) and instances.
     """
     if not table.total:
         return 0.0
@@ -49,9 +49,9 @@ def boundary_recall(label_map: ArrayLike, truth: ArrayLike, tolerance: int | Non
     brightness, color, and texture cues", TPAMI 2004, doi:10.1109/TPAMI.2004.1273918.
 
     Args:
-        label_map: integers [H, W], superpixels.
-        truth: integers [H, W], true instances, -1 = ignore.
-        tolerance: near by is within a square of 2 · tolerance + 1 pixels; by default 0.0025 of the image diagonal,
+        label_map: Integers [H, W], superpixels.
+        truth: Integers [H, W], true instances, -1 = ignore.
+        tolerance: Near by is within a square of 2 · tolerance + 1 pixels; by default 0.0025 of the image diagonal,
             rounded (2 for 640 x 480).
     """
     from scipy.ndimage import maximum_filter  # here: segmenting needs the metrics, and does not wait for it
@@ -78,7 +78,7 @@ def explained_variation(label_map: ArrayLike, image: ArrayLike, valid: ArrayLike
     A. P. Moore, S. J. D. Prince, J. Warrell, U. Mohammed, G. Jones, "Superpixel lattices", CVPR 2008.
 
     Args:
-        label_map: integers [H, W], superpixels.
+        label_map: Integers [H, W], superpixels.
         image: [H, W] or [H, W, C], of any unit. Channels are added up, so they should have one scale.
         valid: bool [H, W], the pixels to look at, for instance ``depth > 0``; by default all.
     """

@@ -1,4 +1,12 @@
-"""Networks on superpixel graphs: which neighbours to merge, and what is an object."""
+"""Networks on superpixel graphs: which neighbours to merge, and what is an object.
+
+- `edge_classifier`: the interface of all that decide on merging. Start here to write one.
+- `mlp`: every pair on its own, the paper's model. `gated_gcn`: message passing along directed edges. `symmetric_gcn`:
+  the same on undirected edges, at half the cost. `attention`: a graph transformer.
+- `objectness`: which superpixels belong to objects; a head of its own beside the edge classifier.
+- Parts of these: `standardize`, `input_encoder`, `perceptron`, `neighborhood`, `gated_network`.
+- The same results in less time: `gated_messages` in training, `gated_pass` and `in_evaluation` in evaluation.
+"""
 
 from typing import TYPE_CHECKING, Any
 

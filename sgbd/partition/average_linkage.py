@@ -18,12 +18,12 @@ class AverageLinkage(ThresholdPartitioner):
     swallow small ones by the sheer length of their border.
 
     Args:
-        threshold: mean merge probability from which segments are joined.
-        border_weight: what an edge counts in the mean: "length", its border length (at least one pixel), "log",
+        threshold: Mean merge probability from which segments are joined.
+        border_weight: What an edge counts in the mean: "length", its border length (at least one pixel), "log",
             log(1 + border length), or "none", the same as every other.
-        cannot_link: whether edges come in the order of their distance from the threshold, and those below it forbid
+        cannot_link: Whether edges come in the order of their distance from the threshold, and those below it forbid
             their segments to be joined ever. Surer of cuts, and less forgiving to a wrong one.
-        objectness_weight: how much differing objectness lowers the probability of an edge, see
+        objectness_weight: How much differing objectness lowers the probability of an edge, see
             `sgbd.partition.partitioner.joint_probability`; 0 for not at all.
     """
 

@@ -18,8 +18,8 @@ class ConnectedComponents(ThresholdPartitioner):
     "SupeRGB-D", IEEE RA-L 8(6), 2023, arXiv:2212.11922.
 
     Args:
-        threshold: an edge is kept if its probability is greater.
-        objectness_weight: how much differing objectness lowers it, see `sgbd.partition.partitioner.joint_probability`;
+        threshold: An edge is kept if its probability is greater.
+        objectness_weight: How much differing objectness lowers it, see `sgbd.partition.partitioner.joint_probability`;
             0, as in the paper, for not at all.
     """
 

@@ -43,7 +43,7 @@ def check_border_weight(border_weight: BorderWeight) -> BorderWeight:
     """Check what the votes of edges count by.
 
     Raises:
-        ValueError: if it isn't one of the three.
+        ValueError: If it isn't one of the three.
     """
     if border_weight not in ("length", "log", "none"):
         raise ValueError(f"border_weight must be 'length', 'log' or 'none', got {border_weight!r}")

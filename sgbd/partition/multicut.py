@@ -29,10 +29,10 @@ class GreedyMulticut(SignedWeightPartitioner):
     order of the pairs (but for the rounding of sums).
 
     Args:
-        threshold: merge probability at which an edge is indifferent.
+        threshold: Merge probability at which an edge is indifferent.
         border_weight: "length", "log" or "none".
-        epsilon: probabilities are clipped to [epsilon, 1 - epsilon], so that 0 and 1 have finite weights.
-        objectness_weight: how much differing objectness lowers the probability of an edge, see
+        epsilon: Probabilities are clipped to [epsilon, 1 - epsilon], so that 0 and 1 have finite weights.
+        objectness_weight: How much differing objectness lowers the probability of an edge, see
             `sgbd.partition.partitioner.joint_probability`; 0 for not at all.
     """
 
@@ -58,7 +58,7 @@ def greedy_additive_edge_contraction(
     """Partition a graph with signed edge weights by GAEC; see `GreedyMulticut`.
 
     Args:
-        num_nodes: number of superpixels N.
+        num_nodes: Number of superpixels N.
         pairs: int64 [2, E], ends of each edge, no loops. Repeated pairs count as one with the sum of the weights.
         weight: float64 [E], positive for merging.
 

@@ -22,10 +22,10 @@ class MutexWatershed(SignedWeightPartitioner):
     length). Equally sure edges come in the order of their ends.
 
     Args:
-        threshold: merge probability at which an edge is indifferent.
+        threshold: Merge probability at which an edge is indifferent.
         border_weight: "none", "length" or "log".
-        epsilon: probabilities are clipped to [epsilon, 1 - epsilon].
-        objectness_weight: how much differing objectness lowers the probability of an edge, see
+        epsilon: Probabilities are clipped to [epsilon, 1 - epsilon].
+        objectness_weight: How much differing objectness lowers the probability of an edge, see
             `sgbd.partition.partitioner.joint_probability`; 0 for not at all.
     """
 

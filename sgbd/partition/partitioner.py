@@ -22,7 +22,7 @@ class Partitioner(Protocol):
         """Partition a graph.
 
         Args:
-            num_nodes: number of superpixels N.
+            num_nodes: Number of superpixels N.
             pairs: int [2, E], the two ends of each edge; either order, no edge from a superpixel to itself.
             probability: float [E], probability that the two ends belong to one instance.
             border_length: float [E], pixels along which the two ends touch.
@@ -40,7 +40,7 @@ def check_graph(
     """Check the input of a `Partitioner` and bring it to int64 [2, E], float64 [E] and float64 [E].
 
     Raises:
-        ValueError: if shapes disagree, an end isn't a superpixel, an edge joins a superpixel with itself, a
+        ValueError: If shapes disagree, an end isn't a superpixel, an edge joins a superpixel with itself, a
             probability isn't in 0 to 1 or a border length isn't a finite number from 0 on.
     """
     ends = np.asarray(pairs, dtype=np.int64)

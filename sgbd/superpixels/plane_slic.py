@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap
 from sgbd.frame import Frame
@@ -15,7 +16,7 @@ from sgbd.superpixels.feature_planes import TO_XYZ, gaussian_weights, linear_int
 from sgbd.superpixels.fragments import connected_superpixels
 from sgbd.superpixels.local_k_means import Cells
 from sgbd.superpixels.region_merging import merge_alike
-from sgbd.superpixels.slanted_planes import PLANES, assign, cluster, work_space, write_inverse_depth
+from sgbd.superpixels.slanted_planes import DISPARITY, PLANES, assign, cluster, work_space, write_inverse_depth
 from sgbd.superpixels.slic import Slic
 from sgbd.superpixels.slic_fast import say_that_numba_is_missing
 
@@ -101,29 +102,40 @@ class PlaneSlic:
             # The intersection of its two maps has about three times as many superpixels as each.
             return Slic(max(1, self.n_segments // 3), min_size=self.min_size)(frame)
         threads = thread_count(self.threads)
+        planes = self._planes(frame, threads)
+        labels = self._nearest_centers(planes, threads)
+        pieces = connected_superpixels(labels, labels, min(SPECK, self.min_size))
+        return merge_alike(pieces, planes, self.n_segments, self.tolerance, self.min_size, threads)
+
+    def _planes(self, frame: Frame, threads: int) -> npt.NDArray[np.float32]:
+        """Return what pixels are compared by, float32 [4, H, W]: L, a, b, smoothed, and inverse depth, each in its unit."""
         height, width = frame.height, frame.width
         rows = bands(height, threads)
         planes = reused("slanted", (PLANES, height, width), np.float32)
         weights = gaussian_weights(self.rgb_sigma)
-        sharp = planes[:3] if len(weights) == 1 else reused("lab", (3, height, width), np.float32)
-        intensities, scale = linear_intensities(frame.rgb), np.float32(1 / self.compactness)
-        inverse = np.float32(1 / self.depth_noise)
-        side_by_side(
-            [
-                partial(
-                    write_lab, frame.rgb, intensities, TO_XYZ, scale, np.empty((4, width), np.float32), sharp, *band
-                )
-                for band in rows
-            ]
-            + [partial(write_inverse_depth, frame.depth, inverse, planes[3], *band) for band in rows],
-            threads,
-        )
-        if len(weights) > 1:
+        smoothed = len(weights) > 1
+        lab = reused("lab", (3, height, width), np.float32) if smoothed else planes[:3]
+        intensities, color_scale = linear_intensities(frame.rgb), np.float32(1 / self.compactness)
+        depth_scale = np.float32(1 / self.depth_noise)
+        colors = [
+            partial(
+                write_lab, frame.rgb, intensities, TO_XYZ, color_scale, np.empty((4, width), np.float32), lab, *band
+            )
+            for band in rows
+        ]
+        depths = [partial(write_inverse_depth, frame.depth, depth_scale, planes[DISPARITY], *band) for band in rows]
+        side_by_side([*colors, *depths], threads)
+        if smoothed:
             padded = width + 2 * (len(weights) - 1)
             side_by_side(
-                [partial(smooth, sharp, weights, np.empty(padded, np.float32), planes[:3], *band) for band in rows],
+                [partial(smooth, lab, weights, np.empty(padded, np.float32), planes[:3], *band) for band in rows],
                 threads,
             )
+        return planes
+
+    def _nearest_centers(self, planes: npt.NDArray[np.float32], threads: int) -> npt.NDArray[np.int32]:
+        """Cluster the pixels, and return the nearest centre of each, int32 [H, W], in memory that the next call reuses."""
+        _, height, width = planes.shape
         cells = Cells.grid(height, width, self.n_cells)
         forms = cluster(planes, cells, self.iterations, self.subsample, threads)
         labels = reused("labels_0", (height, width), np.int32)
@@ -134,5 +146,4 @@ class PlaneSlic:
             ],
             threads,
         )
-        pieces = connected_superpixels(labels, labels, min(SPECK, self.min_size))
-        return merge_alike(pieces, planes, self.n_segments, self.tolerance, self.min_size, threads)
+        return labels
