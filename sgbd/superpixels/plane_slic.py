@@ -108,7 +108,7 @@ class PlaneSlic:
         return merge_alike(pieces, planes, self.n_segments, self.tolerance, self.min_size, threads)
 
     def _planes(self, frame: Frame, threads: int) -> npt.NDArray[np.float32]:
-        """Return what pixels are compared by, float32 [4, H, W]: L, a, b, smoothed, and inverse depth, each in its unit."""
+        """Return what pixels are compared by, float32 [4, H, W]: smoothed L, a, b and inverse depth, in their units."""
         height, width = frame.height, frame.width
         rows = bands(height, threads)
         planes = reused("slanted", (PLANES, height, width), np.float32)
@@ -134,7 +134,7 @@ class PlaneSlic:
         return planes
 
     def _nearest_centers(self, planes: npt.NDArray[np.float32], threads: int) -> npt.NDArray[np.int32]:
-        """Cluster the pixels, and return the nearest centre of each, int32 [H, W], in memory that the next call reuses."""
+        """Cluster the pixels, and return the nearest centre of each, int32 [H, W]; the next call reuses its memory."""
         _, height, width = planes.shape
         cells = Cells.grid(height, width, self.n_cells)
         forms = cluster(planes, cells, self.iterations, self.subsample, threads)
