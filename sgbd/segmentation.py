@@ -156,12 +156,20 @@ def partition_graph(
 
     Returns:
         The segments.
+
+    Raises:
+        ValueError: If the partitioner gives no segment for each superpixel.
     """
     pairs = data.edge_label_index.cpu().numpy()
     length = data.border_length.cpu().numpy()
     area = data.area.cpu().numpy()
     probability = classification.edge_probability
     segment = partition(len(area), pairs, probability, length, classification.objectness)
+    if np.shape(segment) != area.shape:
+        raise ValueError(
+            f"{type(partition).__name__} must give the segment of each of {len(area)} superpixels, an array of shape "
+            f"[{len(area)}]; got {list(np.shape(segment))}"
+        )
     count = int(segment.max(initial=-1)) + 1
     segment_area = np.bincount(segment, area, count)
 

@@ -114,6 +114,68 @@ def test_hard_frames_go_through_every_command(
     assert len(list((tmp_path / "predicted").glob("*.json"))) == 6
 
 
+OWN = """
+import numpy as np
+from sgbd.models import EdgeClassifier
+from sgbd.partition import ConnectedComponents
+from sgbd.sampling import BalancedEdgeSampler
+from sgbd.sources import Folder
+
+class Model(EdgeClassifier):
+    def score(self, source, target, edge):
+        return 2 - (source - target).abs().sum(1) + sum(self.parameters()).sum()
+
+    def __init__(self, node_channels, edge_channels):
+        super().__init__(node_channels, edge_channels)
+        self.bias = __import__("torch").nn.Parameter(__import__("torch").zeros(1))
+
+class Partition(ConnectedComponents):
+    pass
+
+class Squares:
+    def __init__(self, size=8):
+        self.size = size
+
+    def __call__(self, frame):
+        rows, columns = np.indices(frame.depth.shape) // self.size
+        return (rows * (columns.max() + 1) + columns).astype(np.int32)
+
+class Sampler(BalancedEdgeSampler):
+    pass
+
+class Frames(Folder):
+    pass
+
+class NoFrames:
+    def __init__(self, root, split="test"):
+        pass
+"""
+
+
+def test_classes_of_ones_own_go_through_every_command(
+    command: Command, frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "things_of_ones_own.py").write_text(OWN)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    groups = {"model": "Model", "partition": "Partition", "superpixels": "Squares", "sampler": "Sampler"}
+    for group, name in {**groups, "dataset": "Frames"}.items():
+        (tmp_path / "own" / group).mkdir(parents=True)
+        (tmp_path / "own" / group / "mine.yaml").write_text(f"_target_: things_of_ones_own.{name}\n")
+    data = ("--config-dir", "own", "dataset=mine", f"+dataset.root={frames}", "workers=0", "pictures=0")
+    chosen = (*(f"{group}=mine" for group in groups), "trainer.epochs=1", "trainer.progress=false", "logger=csv")
+    assert command("train", *data, *chosen, "hydra.run.dir=trained") == 0
+    assert command("evaluate", *data, "checkpoint=trained", "trust=things_of_ones_own", "hydra.run.dir=scored") == 0
+    assert (tmp_path / "scored" / "scores.json").read_text() == (tmp_path / "trained" / "scores.json").read_text()
+    predicted = (f"rgb={frames / 'test'}", "checkpoint=trained", "output=predicted")
+    assert command("predict", *predicted, "trust=[things_of_ones_own]") == 0
+    assert len(list((tmp_path / "predicted").glob("*.json"))) == 2
+    capsys.readouterr()
+    assert command("predict", *predicted) == 1
+    assert "trust=['things_of_ones_own']" in capsys.readouterr().err
+    assert command("prepare", *data[:-1], "dataset._target_=things_of_ones_own.NoFrames") == 1
+    assert "dataset: things_of_ones_own.NoFrames is no sgbd.sources.source.FrameSource" in capsys.readouterr().err
+
+
 def test_a_checkpoint_is_tuned_into_another_file(
     command: Command, frames: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -51,6 +51,14 @@ def test_without_a_head_everything_is_an_object() -> None:
     assert segments.is_object.all()
 
 
+def test_a_partitioner_that_leaves_superpixels_out_is_named() -> None:
+    def first_two(*graph: object) -> npt.NDArray[np.int64]:
+        return np.zeros(2, np.int64)
+
+    with pytest.raises(ValueError, match=r"^function must give the segment of each of 4 superpixels, .*; got \[2\]$"):
+        partition_graph(CHAIN, _probabilities(1.0, 1.0, 0.0), first_two, ObjectRule())
+
+
 def test_one_superpixel_is_one_certain_segment() -> None:
     data = Data(
         x=torch.zeros(1, 1),

@@ -96,6 +96,8 @@ def entry_point(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Cal
         def guarded(config: DictConfig) -> Any:
             nonlocal begun
             begun = True
+            if isinstance(config.get("trust"), str):
+                config.trust = [config.trust]
             try:
                 return task(config)
             except KeyboardInterrupt:

@@ -18,13 +18,17 @@ from sgbd.data import SuperpixelGraphDataset
 from sgbd.evaluation import Evaluation, Evaluator, with_truth
 from sgbd.features import edge_columns, node_columns
 from sgbd.jobs.configuration import ConfigurationError, count_workers
+from sgbd.jobs.own_classes import require_call, require_kind
 from sgbd.jobs.pipeline import frame_source, open_graphs, prepare_splits, splits_of
 from sgbd.jobs.untrained import configured_block, trusted_packages, untrained_checkpoint
 from sgbd.machine.atomic_file import write_whole
 from sgbd.models import EdgeClassifier, ObjectnessHead
 from sgbd.node_block import split_groups
+from sgbd.partition import Partitioner
 from sgbd.reporting.plot import history_figure
 from sgbd.reporting.results import draw_examples, example_frames, write_evaluation, write_figure
+from sgbd.sampling import EdgeSampler
+from sgbd.segmentation import ObjectRule
 from sgbd.segmenter import Segmenter
 from sgbd.training import Trainer, TrainingResult
 from sgbd.tuning import TUNING_FILE
@@ -98,10 +102,13 @@ def _check(config: DictConfig) -> None:
         # Whether a block has the others, making the model shows.
         columns(split_groups(groups)[0] if key == "node" else groups)
     # The models need to know the graphs; that their classes exist can be seen now.
-    for group in (config.model, config.objectness):
-        if group is not None:
-            instantiate({"_target_": group._target_, "_partial_": True})
-    for group in (config.partition, config.objects, config.trainer, config.sampler, config.superpixels, config.graph):
+    for key, kind in (("model", EdgeClassifier), ("objectness", ObjectnessHead)):
+        if config[key] is not None:
+            require_kind(instantiate({"_target_": config[key]._target_, "_partial_": True}).func, kind, key)
+    for key, protocol in (("partition", Partitioner), ("sampler", EdgeSampler)):
+        require_call(instantiate(config[key]), protocol, key)
+    require_kind(instantiate(config.objects), ObjectRule, "objects")
+    for group in (config.trainer, config.superpixels, config.graph):
         instantiate(group)
     if config.tuning is not None:
         instantiate(config.tuning)

@@ -12,6 +12,7 @@ from omegaconf import DictConfig
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.evaluation import with_truth
 from sgbd.jobs.configuration import ConfigurationError, count_workers
+from sgbd.jobs.own_classes import require_kind
 from sgbd.node_block import NodeBlock
 from sgbd.node_block_cache import node_block_folder, prepare_node_block
 from sgbd.preparation import prepare
@@ -32,9 +33,13 @@ def frame_source(dataset: DictConfig, workers: int, split: str | None = None) ->
 
     Returns:
         The frames.
+
+    Raises:
+        ConfigurationError: If it is no `FrameSource`.
     """
     options: dict[str, Any] = {} if split is None else {"split": split}
     source: FrameSource = instantiate(dataset, **options)
+    require_kind(source, FrameSource, "dataset")
     generate = getattr(source, "generate", None)
     if generate is not None:
         generate(workers=workers)

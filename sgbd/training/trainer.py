@@ -455,6 +455,11 @@ class Trainer:
     def _losses(self, joint: nn.Module, data: Data) -> tuple[Tensor, Tensor]:
         """Return the edge loss over drawn pairs, and the mean cross-entropy over superpixels of known instance."""
         edge_logits, node_logits = joint(data)
+        if edge_logits.shape != data.edge_label.shape:
+            raise TrainingError(
+                f"the model must give one merge logit for each of {data.edge_label.numel()} pairs, a tensor of shape "
+                f"{list(data.edge_label.shape)}; got {list(edge_logits.shape)}"
+            )
         edge_loss = self.edge_loss(edge_logits, data.edge_label, getattr(data, "edge_label_weight", None))
         if node_logits is None:
             return edge_loss, edge_loss.new_zeros(())

@@ -142,6 +142,13 @@ def test_the_loss_is_the_mean_over_drawn_pairs_and_known_superpixels(tmp_path: P
     assert row.loss == pytest.approx(row.edge_loss + 0.5 * row.objectness_loss, rel=1e-6)
 
 
+def test_a_model_with_logits_of_another_shape_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    score = SharedMLP.score
+    monkeypatch.setattr(SharedMLP, "score", lambda *given: score(*given).unsqueeze(1))
+    with pytest.raises(TrainingError, match=r"one merge logit for each of 64 pairs, .* \[64\]; got \[64, 1\]$"):
+        run(tmp_path, Trainer(epochs=1, progress=False))
+
+
 def constant_model(logit: float) -> SharedMLP:
     model = SharedMLP(3, 2, hidden_channels=[4])
     for value in model.parameters():
