@@ -80,6 +80,7 @@ def do_job(
     trust: Sequence[str],
     torch_threads: int,
     baseline: Mapping[str, Any] | None = None,
+    numba_apart: bool = False,
 ) -> dict[str, Any]:
     """Import, load, and segment frames, watching time and memory.
 
@@ -92,10 +93,12 @@ def do_job(
         trust: Packages whose classes the checkpoint may name.
         torch_threads: Threads of PyTorch's operations.
         baseline: Configuration of a baseline (`sgbd.baselines`).
+        numba_apart: Call a small compiled function before the first frame, to see what Numba takes for its own start.
 
     Returns:
         Seconds, and seconds of processor time, for the imports and for each frame; seconds for loading the model;
-        resident memory (MiB) after the imports and after each frame; and the peak since.
+        resident memory (MiB) after the imports, with the model, with that small function, and after each frame; and the
+        peak since.
     """
     start, start_cpu = time.perf_counter(), time.process_time()
     for module in (*IMPORTS, *IMPORTS_OF_METHOD.get(method, ())):
@@ -117,7 +120,12 @@ def do_job(
 
     loading, base = time.perf_counter(), resident()
     segment = _loaded(method, n, checkpoint, trust, baseline)
-    loaded = time.perf_counter()
+    loaded, with_model = time.perf_counter(), resident()
+    if numba_apart:
+        from sgbd.repaint import repaint
+
+        repaint(np.zeros((1, 1), np.int32), np.zeros(1, np.int32))
+    with_numba = resident()
     seconds, cpu_seconds, memory = [], [], []
     for number in range(count):
         place = number % len(rgb)
@@ -134,6 +142,8 @@ def do_job(
         "frame_seconds": seconds,
         "frame_cpu_seconds": cpu_seconds,
         "imports_mib": base,
+        "model_mib": with_model,
+        "numba_mib": with_numba,
         "frame_mib": memory,
         "peak_mib": peak_memory(),
     }
