@@ -219,6 +219,37 @@ def _expand(centers, scale, weighted, forms):  # type: ignore[no-untyped-def]
             form[CONSTANT] += first * first + second * second + third * third
 
 
+@lru_cache(maxsize=16)
+def batches(cells: Cells, first: int, last: int) -> npt.NDArray[np.int64]:
+    """Cut cells into the rectangles that `assign` works on: as many whole rows of a cell as there is room for.
+
+    One long loop over some rows of a cell costs less than a short one for each.
+
+    Args:
+        cells: The cells of the image.
+        first: First row of cells.
+        last: The row of cells after the last.
+
+    Returns:
+        int64 [B, 5]: the cell, and the rectangle's first row, first column, number of rows and width, pixels.
+    """
+    heights, widths = np.diff(cells.tops), np.diff(cells.lefts)
+    room = _room(cells) // widths
+    count = -(-heights[first:last, None] // room)
+    cell = np.repeat(np.arange(first * len(widths), last * len(widths)), count.ravel())
+    row, column = np.divmod(cell, len(widths))
+    # The batches of a cell, counted from 0.
+    number = np.arange(len(cell)) - np.repeat(np.cumsum(count) - count.ravel(), count.ravel())
+    top = cells.tops[row] + number * room[column]
+    rows = np.minimum(room[column], cells.tops[row + 1] - top)
+    return np.stack([cell, top, cells.lefts[column], rows, widths[column]], axis=1)
+
+
+def _room(cells: Cells) -> int:
+    """Pixels that are worked on at a time, at least one row of the widest cell."""
+    return max(BATCH, int(np.diff(cells.lefts).max()))
+
+
 def work_space(
     cells: Cells, channels: int = CENTER
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.int32]]:
@@ -229,49 +260,46 @@ def work_space(
         channels: Numbers C that a pixel is compared by, its place included.
 
     Returns:
-        For a batch of pixels of one cell, of at least one row of the widest, what they are compared by, float32 [C, B],
-        their distances, float32 [9, B], and what they are labelled, int32 [B].
+        For the pixels of a batch, what they are compared by, float32 [C, B], their distances, float32 [9, B], and what
+        they are labelled, int32 [B].
     """
-    batch = max(BATCH, int(np.diff(cells.lefts).max()))
-    return np.empty((channels, batch), np.float32), np.empty((9, batch), np.float32), np.empty(batch, np.int32)
+    room = _room(cells)
+    return np.empty((channels, room), np.float32), np.empty((9, room), np.float32), np.empty(room, np.int32)
 
 
 @compiled
-def assign(planes, tops, lefts, near, forms, values, distances, found, labels, first, last):  # type: ignore[no-untyped-def]
-    """Give every pixel of some rows of cells the nearest of the nine centres around it.
+def assign(planes, batches, near, forms, values, distances, found, labels):  # type: ignore[no-untyped-def]
+    """Give every pixel of some cells the nearest of the nine centres around it.
 
     Args:
         planes: float32 [3, H, W], what pixels are compared by.
-        tops: int64 [rows + 1], see `Cells`, as the following two.
-        lefts: int64 [columns + 1].
-        near: int32 [cells, 9].
+        batches: int64 [B, 5], the pixels, from `batches`.
+        near: int32 [cells, 9], see `Cells`.
         forms: float32 [cells, 6], the centres, from `cluster`.
-        values: float32 [5, B], from `work_space`.
-        distances: float32 [9, B], from `work_space`.
-        found: int32 [B], from `work_space`.
-        labels: int32 [H, W], written where the rows of cells are: the index of the nearest centre.
-        first: First row of cells.
-        last: The row of cells after the last.
+        values: float32 [5, room], from `work_space`.
+        distances: float32 [9, room], from `work_space`.
+        found: int32 [room], from `work_space`.
+        labels: int32 [H, W], written where the pixels are: the index of the nearest centre.
     """
-    columns = len(lefts) - 1
     filled = np.int64(0)
-    for cell in range(first * columns, last * columns):
-        top, bottom = tops[cell // columns], tops[cell // columns + 1]
-        left, width = lefts[cell % columns], lefts[cell % columns + 1] - lefts[cell % columns]
-        # As many rows of the cell at a time as fit: one long loop over them costs less than one for each.
-        batch = values.shape[1] // width
+    for k in range(len(batches)):
+        batch = batches[k]
+        cell, top, left, rows, width = batch[0], batch[1], batch[2], batch[3], batch[4]
         if width != filled:
-            # Positions are told from the corner of the batch, so that they are the same for all cells of a width.
-            for k in range(batch):
-                for column in range(width):
-                    values[ROW, k * width + column] = k
-                    values[COLUMN, k * width + column] = column
+            write_places(width, values[ROW], values[COLUMN])
             filled = width
-        for start in range(top, bottom, batch):
-            rows = batch if batch < bottom - start else bottom - start
-            gather(planes, start, rows, left, width, values)
-            _nearest_of_nine(values, tops[0], start, left, near[cell], forms, distances, found[: rows * width])
-            scatter(found, start, rows, left, width, labels)
+        gather(planes, top, rows, left, width, values)
+        _nearest_of_nine(values, np.int64(0), top, left, near[cell], forms, distances, found[: rows * width])
+        scatter(found, top, rows, left, width, labels)
+
+
+@compiled
+def write_places(width, row, column):  # type: ignore[no-untyped-def]
+    """Write the place of every pixel of a batch, told from its corner, so that all of one width have the same."""
+    for k in range(len(row) // width):
+        for k_column in range(width):
+            row[k * width + k_column] = k
+            column[k * width + k_column] = k_column
 
 
 @compiled

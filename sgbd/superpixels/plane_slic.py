@@ -14,7 +14,7 @@ from sgbd.machine.reused_memory import reused
 from sgbd.machine.side_by_side import bands, side_by_side, thread_count
 from sgbd.superpixels.feature_planes import TO_XYZ, gaussian_weights, linear_intensities, smooth, write_lab
 from sgbd.superpixels.fragments import connected_superpixels
-from sgbd.superpixels.local_k_means import Cells
+from sgbd.superpixels.local_k_means import Cells, batches
 from sgbd.superpixels.region_merging import merge_alike
 from sgbd.superpixels.slanted_planes import DISPARITY, PLANES, assign, cluster, work_space, write_inverse_depth
 from sgbd.superpixels.slic import Slic
@@ -141,7 +141,7 @@ class PlaneSlic:
         labels = reused("labels_0", (height, width), np.int32)
         side_by_side(
             [
-                partial(assign, planes, cells.tops, cells.lefts, cells.near, forms, *work_space(cells), labels, *band)
+                partial(assign, planes, batches(cells, *band), cells.near, forms, *work_space(cells), labels)
                 for band in bands(len(cells.tops) - 1, threads)
             ],
             threads,

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from sgbd.machine.compiled import compiled
 from sgbd.machine.side_by_side import bands, side_by_side
 from sgbd.superpixels import local_k_means
-from sgbd.superpixels.local_k_means import Cells, Samples, gather, least_of_nine, scatter
+from sgbd.superpixels.local_k_means import Cells, Samples, gather, least_of_nine, scatter, write_places
 
 DISPARITY, ROW, COLUMN = 3, 4, 5
 """What a pixel is compared by: L, a, b, the inverse depth (0 = missing), and its place."""
@@ -179,6 +179,15 @@ def _update(values, labels, begin, end, scale, robust, sums, places, forms, firs
         first: First of the centres.
         last: The centre after the last.
     """
+    _sum_samples(values, labels, begin, end, robust, places, forms, first, last, sums)
+    for center in range(first, last):
+        if sums[center, 0] > 0:
+            _fit_center(sums[center], scale, places[center], forms[center])
+
+
+@compiled
+def _sum_samples(values, labels, begin, end, robust, places, forms, first, last, sums):  # type: ignore[no-untyped-def]
+    """Sum over the samples of each centre, relative to its place; arguments as of `_update`."""
     for center in range(first, last):
         for k in range(_SUMS):
             sums[center, k] = 0.0
@@ -186,6 +195,7 @@ def _update(values, labels, begin, end, scale, robust, sums, places, forms, firs
         own = np.int64(labels[sample])
         if own < first or own >= last:
             continue
+        # Indexed: to slice the centre's rows for every sample takes longer than the sums.
         y, x = values[ROW, sample] - places[own, 0], values[COLUMN, sample] - places[own, 1]
         sums[own, 0] += 1
         sums[own, 1] += y
@@ -211,28 +221,34 @@ def _update(values, labels, begin, end, scale, robust, sums, places, forms, firs
             sums[own, _PLANE_SUMS + 6] += d
             sums[own, _PLANE_SUMS + 7] += d * y
             sums[own, _PLANE_SUMS + 8] += d * x
-    for center in range(first, last):
-        total, form = sums[center], forms[center]
-        count = total[0]
-        if count == 0:
-            continue
-        old_row, old_column = places[center, 0], places[center, 1]
-        valid = total[_PLANE_SUMS]
-        if valid >= ENOUGH:
-            level, down, right, _ = plane_fit(total[_PLANE_SUMS:], 0.0)
-            form[PLANE] = level - down * old_row - right * old_column
-            form[PLANE + 1], form[PLANE + 2] = down, right
-            form[WEIGHT] = 1
-        row, column = old_row + total[1] / count, old_column + total[2] / count
-        places[center, 0], places[center, 1] = row, column
-        lightness, a, b = total[3] / count, total[4] / count, total[5] / count
-        share = valid / count
-        form[0], form[1], form[2] = -2 * lightness, -2 * a, -2 * b
-        form[3], form[4] = -2 * row * scale, -2 * column * scale
-        form[CONSTANT] = (
-            lightness * lightness + a * a + b * b + (row * row + column * column) * scale + MISSING * share * share
-        )
-        form[VALID] = -2 * share * MISSING + (0.0 if form[WEIGHT] > 0 else UNKNOWN)
+
+
+@compiled(error_model="numpy")
+def _fit_center(total, scale, place, form):  # type: ignore[no-untyped-def]
+    """Move a centre to the mean of its samples, and fit its plane if enough of them have depth.
+
+    Args:
+        total: float64 [15], the sums over its samples, of which there is at least one.
+        scale: Weight of squared distances in the image.
+        place: float64 [2], its row and column before; written.
+        form: float32 [11], its coefficients; written.
+    """
+    count, valid = total[0], total[_PLANE_SUMS]
+    if valid >= ENOUGH:
+        level, down, right, _ = plane_fit(total[_PLANE_SUMS:], 0.0)
+        form[PLANE] = level - down * place[0] - right * place[1]
+        form[PLANE + 1], form[PLANE + 2] = down, right
+        form[WEIGHT] = 1
+    row, column = place[0] + total[1] / count, place[1] + total[2] / count
+    place[0], place[1] = row, column
+    lightness, a, b = total[3] / count, total[4] / count, total[5] / count
+    share = valid / count
+    form[0], form[1], form[2] = -2 * lightness, -2 * a, -2 * b
+    form[3], form[4] = -2 * row * scale, -2 * column * scale
+    form[CONSTANT] = (
+        lightness * lightness + a * a + b * b + (row * row + column * column) * scale + MISSING * share * share
+    )
+    form[VALID] = -2 * share * MISSING + (0.0 if form[WEIGHT] > 0 else UNKNOWN)
 
 
 @compiled(error_model="numpy")
@@ -263,40 +279,32 @@ def work_space(cells: Cells) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.fl
 
 
 @compiled
-def assign(planes, tops, lefts, near, forms, values, distances, found, labels, first, last):  # type: ignore[no-untyped-def]
-    """Give every pixel of some rows of cells the nearest of the nine centres around it.
+def assign(planes, batches, near, forms, values, distances, found, labels):  # type: ignore[no-untyped-def]
+    """Give every pixel of some cells the nearest of the nine centres around it.
+
+    It differs from the function of this name in `local_k_means` in nothing but the distance. That is written out,
+    because Numba keeps no machine code on disk of functions that are given another one.
 
     Args:
         planes: float32 [4, H, W], as in `cluster`.
-        tops: int64 [rows + 1], see `Cells`, as the following two.
-        lefts: int64 [columns + 1].
-        near: int32 [cells, 9].
+        batches: int64 [B, 5], the pixels, from `local_k_means.batches`.
+        near: int32 [cells, 9], see `Cells`.
         forms: float32 [cells, 11], from `cluster`.
-        values: float32 [6, B], from `work_space`.
-        distances: float32 [9, B], from `work_space`.
-        found: int32 [B], from `work_space`.
-        labels: int32 [H, W], written where the rows of cells are: the index of the nearest centre.
-        first: First row of cells.
-        last: The row of cells after the last.
+        values: float32 [6, room], from `work_space`.
+        distances: float32 [9, room], from `work_space`.
+        found: int32 [room], from `work_space`.
+        labels: int32 [H, W], written where the pixels are: the index of the nearest centre.
     """
-    columns = len(lefts) - 1
     filled = np.int64(0)
-    for cell in range(first * columns, last * columns):
-        top, bottom = tops[cell // columns], tops[cell // columns + 1]
-        left, width = lefts[cell % columns], lefts[cell % columns + 1] - lefts[cell % columns]
-        batch = values.shape[1] // width
+    for k in range(len(batches)):
+        batch = batches[k]
+        cell, top, left, rows, width = batch[0], batch[1], batch[2], batch[3], batch[4]
         if width != filled:
-            # Places are told from the corner of the batch, so that they are the same for all cells of a width.
-            for k in range(batch):
-                for column in range(width):
-                    values[ROW, k * width + column] = k
-                    values[COLUMN, k * width + column] = column
+            write_places(width, values[ROW], values[COLUMN])
             filled = width
-        for start in range(top, bottom, batch):
-            rows = batch if batch < bottom - start else bottom - start
-            gather(planes, start, rows, left, width, values)
-            _nearest_plane(values, tops[0], start, left, near[cell], forms, distances, found[: rows * width])
-            scatter(found, start, rows, left, width, labels)
+        gather(planes, top, rows, left, width, values)
+        _nearest_plane(values, np.int64(0), top, left, near[cell], forms, distances, found[: rows * width])
+        scatter(found, top, rows, left, width, labels)
 
 
 @compiled

@@ -25,7 +25,7 @@ from sgbd.superpixels.feature_planes import (
     write_lab,
 )
 from sgbd.superpixels.fragments import connected_superpixels
-from sgbd.superpixels.local_k_means import Cells, Planes, assign, cluster, work_space
+from sgbd.superpixels.local_k_means import Cells, Planes, assign, batches, cluster, work_space
 from sgbd.superpixels.slic import DEPTH_PERCENTILE, Slic
 
 logger = logging.getLogger(__name__)
@@ -130,7 +130,7 @@ class FastSlic(Slic):
         labels = [reused(f"labels_{k}", (height, width), np.int32) for k in range(len(images))]
         run(
             [
-                partial(assign, planes, cells.tops, cells.lefts, cells.near, form, *work_space(cells), label, *band)
+                partial(assign, planes, batches(cells, *band), cells.near, form, *work_space(cells), label)
                 for (planes, _), form, label in zip(images, forms, labels, strict=True)
                 for band in self._bands(len(cells.tops) - 1)
             ]

@@ -1,17 +1,17 @@
 import numpy as np
 import pytest
 
-from sgbd.superpixels.local_k_means import Cells, Samples, assign, cluster, work_space
+from sgbd.superpixels.local_k_means import Cells, Samples, assign, batches, cluster, work_space
 
 SHAPES = [(1, 1), (1, 50), (50, 1), (3, 3), (37, 53), (48, 64), (101, 7)]
 
 
-def _assigned(planes: np.ndarray, cells: Cells, forms: np.ndarray, bands: int = 1) -> np.ndarray:
+def _assigned(planes: np.ndarray, cells: Cells, forms: np.ndarray, parts: int = 1) -> np.ndarray:
     rows = len(cells.tops) - 1
     labels = np.full(planes.shape[1:], -1, np.int32)
-    for k in range(bands):
-        first, last = rows * k // bands, rows * (k + 1) // bands
-        assign(planes, cells.tops, cells.lefts, cells.near, forms, *work_space(cells), labels, first, last)
+    for k in range(parts):
+        first, last = rows * k // parts, rows * (k + 1) // parts
+        assign(planes, batches(cells, first, last), cells.near, forms, *work_space(cells), labels)
     return labels
 
 
@@ -48,6 +48,23 @@ def test_samples_lie_in_their_cells(shape: tuple[int, int], n_segments: int) -> 
     cell_column = np.searchsorted(cells.lefts, column, side="right") - 1
     expected = np.repeat(np.arange(len(cells)), np.diff(samples.offsets))
     np.testing.assert_array_equal(cell_row * (len(cells.lefts) - 1) + cell_column, expected)
+
+
+@pytest.mark.parametrize("shape", [*SHAPES, (40, 1200), (600, 30)])
+@pytest.mark.parametrize("n_segments", [1, 12, 10_000])
+def test_batches_tile_their_cells_and_fit_the_work_space(shape: tuple[int, int], n_segments: int) -> None:
+    cells = Cells.grid(*shape, n_segments)
+    cell_rows, room = len(cells.tops) - 1, work_space(cells)[0].shape[1]
+    found = np.full(shape, -1)
+    for first, last in ((0, cell_rows // 2), (cell_rows // 2, cell_rows)):
+        for cell, top, left, rows, width in batches(cells, first, last):
+            assert 0 < rows * width <= room
+            assert (found[top : top + rows, left : left + width] == -1).all()
+            found[top : top + rows, left : left + width] = cell
+    row, column = np.indices(shape)
+    cell_row = np.searchsorted(cells.tops, row, side="right") - 1
+    cell_column = np.searchsorted(cells.lefts, column, side="right") - 1
+    np.testing.assert_array_equal(found, cell_row * (len(cells.lefts) - 1) + cell_column)
 
 
 @pytest.mark.parametrize("weighted", [False, True])

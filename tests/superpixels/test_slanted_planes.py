@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from sgbd.superpixels.local_k_means import Cells
+from sgbd.superpixels.local_k_means import Cells, batches
 from sgbd.superpixels.slanted_planes import (
     CAP,
     MISSING,
@@ -23,7 +23,7 @@ def _assigned(planes: np.ndarray, cells: Cells, forms: np.ndarray, bands: int = 
     labels = np.full(planes.shape[1:], -1, np.int32)
     for k in range(bands):
         first, last = rows * k // bands, rows * (k + 1) // bands
-        assign(planes, cells.tops, cells.lefts, cells.near, forms, *work_space(cells), labels, first, last)
+        assign(planes, batches(cells, first, last), cells.near, forms, *work_space(cells), labels)
     return labels
 
 
