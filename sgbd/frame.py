@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -22,6 +23,13 @@ NEAREST = 0.01
 """Metres. A frame most of which is nearer was given in another unit; no depth camera sees that near."""
 FARTHEST = 100.0
 """Metres. A frame most of which is farther away was given in another unit."""
+USUAL = (0.2, 10.0)
+"""Metres. Depth cameras see few scenes most of which are nearer or farther away, and other units many."""
+
+
+log = logging.getLogger(__name__)
+
+_told_of_unit: list[str] = []
 
 
 class FrameError(ValueError):
@@ -194,19 +202,33 @@ def _checked_depth(depth: npt.ArrayLike, shape: tuple[int, ...], label: str) -> 
             f"{label}: every depth value is missing (0, negative, NaN or infinite). "
             "Check the sensor stream and the unit: floats are metres, integers millimetres."
         )
-    if 2 * np.count_nonzero(valid & (meters < NEAREST)) > count:
-        raise FrameError(
-            f"{label}: the median depth is {1000 * float(np.median(meters[valid])):.2g} mm. "
-            "Floats are taken as metres, integers as millimetres: convert other units first."
-        )
-    if array.dtype != np.uint16 and 2 * np.count_nonzero(valid & (meters > FARTHEST)) > count:
-        raise FrameError(
-            f"{label}: the median depth is {float(np.median(meters[valid])):.0f} m. "
-            "Floats are taken as metres: divide millimetres by 1000."
-        )
+    if 2 * max(np.count_nonzero(valid & (meters < USUAL[0])), np.count_nonzero(valid & (meters > USUAL[1]))) > count:
+        _judge_unit(float(np.median(meters[valid])), label)
     if count < meters.size and array.dtype.kind != "u":
         meters[~valid] = 0
     return np.ascontiguousarray(meters)
+
+
+def _judge_unit(median: float, label: str) -> None:
+    """Refuse a median depth that no camera sees, and tell once a process of one that few do."""
+    if median < NEAREST:
+        raise FrameError(
+            f"{label}: the median depth is {1000 * median:.2g} mm. "
+            "Floats are taken as metres, integers as millimetres: convert other units first."
+        )
+    if median > FARTHEST:
+        raise FrameError(
+            f"{label}: the median depth is {median:.0f} m. "
+            "Floats are taken as metres: divide millimetres by 1000, centimetres by 100."
+        )
+    if not _told_of_unit:
+        _told_of_unit.append(label)
+        log.warning(
+            "%s: the median depth is %.2g m, which is rare: is it of another unit? Floats are taken as metres and "
+            "integers as millimetres, unless a depth_scale is given. (Said once.)",
+            label,
+            median,
+        )
 
 
 def _checked_instances(instances: npt.ArrayLike, shape: tuple[int, ...], label: str) -> npt.NDArray[np.int32]:

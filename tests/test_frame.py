@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from sgbd import frame as frame_module
 from sgbd.frame import Frame, FrameError, Intrinsics
 
 
@@ -185,3 +186,27 @@ def test_a_path_is_no_image() -> None:
 
 def test_a_frame_is_shown_in_one_line() -> None:
     assert repr(Frame(rgb(), meters(), name="one")) == "Frame('one', 4x3 pixels, unknown camera, without truth)"
+
+
+@pytest.mark.parametrize(
+    ("depth", "told"),
+    [
+        (meters(value=60.0), "median depth is 60 m"),  # centimetres as floats
+        (np.full((3, 4), 110, np.uint16), "median depth is 0.11 m"),  # centimetres as integers
+    ],
+)
+def test_a_depth_that_cameras_rarely_see_is_told_once(
+    depth: npt.NDArray[np.generic], told: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(frame_module, "_told_of_unit", [])
+    for _ in range(2):
+        Frame(rgb(), depth, name="one")
+    assert [told in message and message.startswith("frame 'one'") for message in caplog.messages] == [True]
+
+
+@pytest.mark.parametrize("value", [0.25, 1.0, 9.0])
+def test_usual_depths_are_not_remarked_on(value: float, caplog: pytest.LogCaptureFixture) -> None:
+    depth = meters(value=value)
+    depth[0] = 40  # a window in the background
+    Frame(rgb(), depth)
+    assert caplog.messages == []

@@ -6,6 +6,9 @@ from pathlib import Path
 
 from sgbd.frame import FrameError
 
+MOST_NAMED = 6
+"""Names of files and folders in a message."""
+
 
 class DatasetNotFoundError(FileNotFoundError):
     """A dataset folder that does not hold what its reader expects.
@@ -30,7 +33,18 @@ class DatasetNotFoundError(FileNotFoundError):
 
     def __str__(self) -> str:
         layout = "\n".join(f"    {line}" for line in self.layout.strip().splitlines())
-        return f"no dataset in {self.root}: {self.missing}\n  Expected layout:\n{layout}\n  {self.remedy}"
+        held = _held_in(self.root)
+        return f"no dataset in {self.root}: {self.missing}{held}\n  Expected layout:\n{layout}\n  {self.remedy}"
+
+
+def _held_in(folder: Path) -> str:
+    """Return what is in a folder instead, which often tells what is wrong; nothing if there is no folder."""
+    try:
+        names = sorted(f"{path.name}/" if path.is_dir() else path.name for path in folder.iterdir())
+    except OSError:
+        return ""
+    shown = ", ".join(names[:MOST_NAMED]) + (f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else "")
+    return f"\n  It holds {shown or 'nothing'}"
 
 
 class MissingExtraError(ImportError):

@@ -125,7 +125,8 @@ def _decode(path: str | Path, lossless: str = "") -> Image.Image:
             )
         image.load()
     except Image.UnidentifiedImageError:
-        raise FrameReadError(path, "this is neither a PNG nor a JPEG image") from None
+        told = "; depth is read from 16-bit PNG" if lossless == "depth" else ""
+        raise FrameReadError(path, f"this is neither a PNG nor a JPEG image{told}") from None
     # What Pillow raises for damaged data depends on the place of the damage.
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         if isinstance(error, FrameReadError):

@@ -137,13 +137,22 @@ def test_a_missing_folder_says_what_is_expected(tmp_path: Path) -> None:
 
 
 def test_a_folder_without_frames_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(DatasetNotFoundError, match="no colour image"):
+    with pytest.raises(DatasetNotFoundError, match=r"no colour image.*\n  It holds nothing\n"):
         len(Folder(tmp_path))
 
 
 def test_colours_without_any_depth_are_an_error(tmp_path: Path) -> None:
     save(tmp_path / "a_rgb.png", COLORS)
-    with pytest.raises(DatasetNotFoundError, match=r"none of the 1 colour images .* has a depth image"):
+    (tmp_path / "a_depth.tiff").touch()
+    with pytest.raises(DatasetNotFoundError, match=r"none of the 1 colour images .* has a depth image") as error:
+        len(Folder(tmp_path))
+    assert "\n  It holds a_depth.tiff, a_rgb.png\n" in str(error.value)
+
+
+def test_few_of_many_files_are_named_where_no_frame_is_found(tmp_path: Path) -> None:
+    for number in range(9):
+        (tmp_path / f"color_{number}.png").touch()
+    with pytest.raises(DatasetNotFoundError, match=r"It holds color_0.png, .*, color_5.png and 3 more\n"):
         len(Folder(tmp_path))
 
 
