@@ -6,6 +6,7 @@ import logging
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy.typing as npt
 import pandas as pd
 from torch import nn
 
+from sgbd.adjacency import LabelMap
 from sgbd.calibration import ScoreCalibration, expected_calibration_error, right_segments
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.label_map import unpack
@@ -23,6 +25,7 @@ from sgbd.metrics import (
     FIRST_OBJECT,
     CategoryScores,
     ContingencyTable,
+    ContourMap,
     FrameScores,
     category_scores,
     category_table,
@@ -219,28 +222,18 @@ class Evaluator:
         best = oracle_segments(superpixel, instance, count, len(segments.segment))
         table = ContingencyTable.from_superpixels(superpixel, instance, count, segments.segment)
         oracle = ContingencyTable.from_superpixels(superpixel, instance, count, best)
+        own_objects = np.nonzero(segments.is_object)[0]
         prediction = truth = oracle_prediction = None
         if self.boundaries:
-            size = tuple(data.image_size[0].tolist())
-            label_map, instances = unpack(data.label_map, size), unpack(data.truth_map, size)
-            judged = np.union1d(objects_by_contact(table), np.nonzero(segments.is_object)[0])
+            judged = np.union1d(objects_by_contact(table), own_objects)
             oracle_judged = np.union1d(objects_by_contact(oracle), objects_by_label(oracle))
-            truth, prediction, oracle_prediction = side_by_side(
-                [
-                    lambda: contours(instances, table.instances[table.instances >= FIRST_OBJECT]),
-                    lambda: contours(repaint(label_map, segments.segment), judged, instances),
-                    lambda: contours(repaint(label_map, best), oracle_judged, instances),
-                ],
-                thread_count(),
+            true_objects = table.instances[table.instances >= FIRST_OBJECT]
+            truth, prediction, oracle_prediction = _contours(
+                data, true_objects, (segments.segment, judged), (best, oracle_judged)
             )
         pairs = data.edge_label_index.numpy()
         merged = segments.segment[pairs[0]] == segments.segment[pairs[1]]
-        names = list(category_names)
-        category = {
-            number: names[place - 1]
-            for number, place in zip(data.instance_id.tolist(), data.instance_category.tolist(), strict=True)
-            if place > 0
-        }
+        category = _categories(data, list(category_names))
         return GraphScores(
             all=score_frame(
                 table,
@@ -253,16 +246,50 @@ class Evaluator:
                 name=data.name,
             ),
             unaided=(
-                score_frame(
-                    table, np.nonzero(segments.is_object)[0], prediction=prediction, truth=truth, name=data.name
-                )
-                if unaided
-                else None
+                score_frame(table, own_objects, prediction=prediction, truth=truth, name=data.name) if unaided else None
             ),
             by_category=category_scores(table, category, prediction, truth),
             oracle_by_category=category_scores(oracle, category, oracle_prediction, truth),
             objects=_judged_objects(table, segments) if unaided else None,
         )
+
+
+def _contours(
+    data: Data,
+    true_objects: npt.NDArray[np.int64],
+    *partitions: tuple[npt.NDArray[np.integer], npt.NDArray[np.int64]],
+) -> list[ContourMap]:
+    """Find contours in the truth of a graph, and in partitions of it.
+
+    Args:
+        data: The graph, with its packed maps.
+        true_objects: The instances that have a contour.
+        *partitions: Segment of each superpixel, and the segments that have a contour.
+
+    Returns:
+        The contours of the truth, then those of each partition.
+    """
+    size = tuple(data.image_size[0].tolist())
+    label_map, instances = unpack(data.label_map, size), unpack(data.truth_map, size)
+    jobs = [partial(contours, instances, true_objects)]
+    for segment, judged in partitions:
+        jobs.append(partial(_contours_of_segments, label_map, segment, judged, instances))
+    return side_by_side(jobs, thread_count())
+
+
+def _contours_of_segments(
+    label_map: LabelMap,
+    segment: npt.NDArray[np.integer],
+    judged: npt.NDArray[np.int64],
+    instances: npt.NDArray[np.int32],
+) -> ContourMap:
+    return contours(repaint(label_map, segment), judged, instances)
+
+
+def _categories(data: Data, names: Sequence[str]) -> dict[int, str]:
+    """Return the category of each instance of a graph that has one."""
+    places = zip(data.instance_id.tolist(), data.instance_category.tolist(), strict=True)
+    return {instance: names[place - 1] for instance, place in places if place > 0}
 
 
 def _judged_objects(table: ContingencyTable, segments: Segments) -> JudgedObjects:
@@ -312,19 +339,36 @@ def mean_scores(scored: Sequence[GraphScores], seen: Collection[str]) -> Evaluat
     categories = category_table([frame.by_category for frame in scored])
     if seen:
         categories["seen"] = [name in seen for name in categories.index]
+    objects = _table_of_objects(scored)
+    if objects is None:
+        return Evaluation(scores, frames, categories)
+    scores |= _calibration_scores(objects)
+    return Evaluation(scores, frames, categories, objects)
+
+
+def _table_of_objects(scored: Sequence[GraphScores]) -> pd.DataFrame | None:
+    """Return all objects of which the model said how sure it is, a row each, or None if there are none."""
     judged = [(frame.all.name, frame.objects) for frame in scored if frame.objects is not None]
     if not any(len(found.score) for _, found in judged):
-        return Evaluation(scores, frames, categories)
-    names = np.repeat([name for name, _ in judged], [len(found.score) for _, found in judged])
-    score = np.concatenate([found.score for _, found in judged])
-    right = np.concatenate([found.right for _, found in judged])
-    objects = pd.DataFrame({"frame": names, "score": score, "right": right})
-    score = score.astype(np.float64)
-    scores["calibration/expected_error"] = expected_calibration_error(score, right)
-    scores["calibration/brier"] = float(np.mean((score - right) ** 2))
-    scores["calibration/mean_score"] = float(score.mean())
-    scores["calibration/right_share"] = float(right.mean())
-    return Evaluation(scores, frames, categories, objects)
+        return None
+    return pd.DataFrame(
+        {
+            "frame": np.repeat([name for name, _ in judged], [len(found.score) for _, found in judged]),
+            "score": np.concatenate([found.score for _, found in judged]),
+            "right": np.concatenate([found.right for _, found in judged]),
+        }
+    )
+
+
+def _calibration_scores(objects: pd.DataFrame) -> dict[str, float]:
+    """Say how well the scores of objects hold as probabilities of being right."""
+    score, right = objects["score"].to_numpy(np.float64), objects["right"].to_numpy()
+    return {
+        "calibration/expected_error": expected_calibration_error(score, right),
+        "calibration/brier": float(np.mean((score - right) ** 2)),
+        "calibration/mean_score": float(score.mean()),
+        "calibration/right_share": float(right.mean()),
+    }
 
 
 def _seen_and_unseen_of_frames(scored: Sequence[GraphScores], seen: Collection[str]) -> pd.DataFrame:

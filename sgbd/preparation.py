@@ -212,6 +212,7 @@ def read_index(split: Path) -> dict[str, Any] | None:
 
 
 def _prepare_split(work: _FrameToGraphFile, fingerprint: str, workers: int, on_error: str, progress: bool) -> None:
+    """Make the graphs that are missing or out of date, and write the index that says the split is complete."""
     source, split = work.source, work.folder
     before = read_index(split)
     if before is not None and before.get("fingerprint") != fingerprint:
@@ -219,20 +220,8 @@ def _prepare_split(work: _FrameToGraphFile, fingerprint: str, workers: int, on_e
         (split / INDEX_FILE).unlink()
     summaries = _kept_graphs(source, split, progress)
     kept = sum(summary is not None for summary in summaries)
-    failures: dict[int, str] = {}
-    seconds: dict[str, float] = {}
     started = time.perf_counter()
-    for outcome in _outcomes(work, summaries, workers, progress):
-        if outcome.failure is None:
-            for stage, duration in outcome.seconds.items():
-                seconds[stage] = seconds.get(stage, 0.0) + duration
-            continue
-        failures[outcome.index] = outcome.failure
-        if on_error == "fail":
-            raise PreparationError(
-                f"frame {source.names[outcome.index]} of {source.split} failed ({outcome.failure}). Mend or remove it, "
-                "or use on_error=skip to leave such frames out. What is prepared is kept."
-            )
+    failures, seconds = _make_graphs(work, summaries, workers, on_error, progress)
     if len(failures) == len(source):
         raise PreparationError(
             f"every frame of {source.split} failed, so there is nothing to train or evaluate on:\n"
@@ -265,6 +254,31 @@ def _prepare_split(work: _FrameToGraphFile, fingerprint: str, workers: int, on_e
             source.split,
             _list_of_failures(source, failures),
         )
+
+
+def _make_graphs(
+    work: _FrameToGraphFile, summaries: list[GraphSummary | None], workers: int, on_error: str, progress: bool
+) -> tuple[dict[int, str], dict[str, float]]:
+    """Make the graphs that have no summary yet, and fill their summaries in.
+
+    Returns:
+        Why frames failed, by their index; and the seconds that each stage took, all frames together.
+    """
+    failures: dict[int, str] = {}
+    seconds: dict[str, float] = {}
+    for outcome in _outcomes(work, summaries, workers, progress):
+        if outcome.failure is None:
+            for stage, duration in outcome.seconds.items():
+                seconds[stage] = seconds.get(stage, 0.0) + duration
+            continue
+        failures[outcome.index] = outcome.failure
+        if on_error == "fail":
+            source = work.source
+            raise PreparationError(
+                f"frame {source.names[outcome.index]} of {source.split} failed ({outcome.failure}). Mend or remove it, "
+                "or use on_error=skip to leave such frames out. What is prepared is kept."
+            )
+    return failures, seconds
 
 
 def _outcomes(

@@ -112,7 +112,7 @@ def contours(label_map: ArrayLike, labels: ArrayLike, truth: ArrayLike | None = 
                 f"prediction and truth must have one shape, got {list(label_map.shape)} and {list(truth.shape)}"
             )
         mask[truth == IGNORE] = -1
-    index = _contours(mask, len(labels))
+    index = _contours(mask.shape[0], mask.shape[1], *_runs(mask, len(labels)))
     return ContourMap(labels, index, np.flatnonzero(index >= 0))
 
 
@@ -197,12 +197,20 @@ def _disk(radius: int) -> NDArray[np.int64]:
 
 
 @compiled
-def _contours(mask: NDArray[np.int32], count: int) -> NDArray[np.int32]:
-    """Contour of each mask k (the pixels where `mask` is k), by runs of pixels instead of pixel by pixel.
+def _runs(
+    mask: NDArray[np.int32], count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Find the runs of each mask k (the pixels where `mask` is k): neighbouring pixels of a row.
 
-    Between the runs of a mask in a row lie *gaps*: run i, unless it is the first of its row, has gap i before it. What
-    lies before the first run of a row, and behind the last, is outside. A gap is outside if a path of gaps that lie
-    above each other leads there.
+    Args:
+        mask: int32 [H, W], 0 to `count` - 1; -1 for pixels of no mask.
+        count: Number of masks K.
+
+    Returns:
+        All runs of a mask one after the other, in raster order:
+
+        - offset: int64 [K + 1], where the runs of each mask begin, then their number R.
+        - row, start, end: int64 [R], the row of each run, its first column, and the column after its last.
     """
     height, width = mask.shape
     found = np.empty((4, height * width), dtype=np.int32)  # memory that is never written to costs nothing
@@ -218,7 +226,6 @@ def _contours(mask: NDArray[np.int32], count: int) -> NDArray[np.int32]:
                 found[0, total], found[1, total], found[2, total], found[3, total] = k, y, first, x
                 offset[k + 1] += 1
                 total += 1
-    # All runs of a mask one after the other, in raster order.
     for k in range(count):
         offset[k + 1] += offset[k]
     free = offset[:-1].copy()
@@ -227,7 +234,36 @@ def _contours(mask: NDArray[np.int32], count: int) -> NDArray[np.int32]:
         place = free[found[0, r]]
         row[place], start[place], end[place] = found[1, r], found[2, r], found[3, r]
         free[found[0, r]] += 1
+    return offset, row, start, end
 
+
+@compiled
+def _contours(
+    height: int,
+    width: int,
+    offset: NDArray[np.int64],
+    row: NDArray[np.int64],
+    start: NDArray[np.int64],
+    end: NDArray[np.int64],
+) -> NDArray[np.int32]:
+    """Find the contour of each mask by its runs of pixels instead of pixel by pixel.
+
+    Between the runs of a mask in a row lie *gaps*: run i, unless it is the first of its row, has gap i before it. What
+    lies before the first run of a row, and behind the last, is outside. A gap is outside if a path of gaps that lie
+    above each other leads there.
+
+    Args:
+        height: Rows of the image, pixels.
+        width: Its columns.
+        offset: As of `_runs`, like the following.
+        row: int64 [R].
+        start: int64 [R].
+        end: int64 [R].
+
+    Returns:
+        int32 [H, W], k on the contour of mask k, -1 elsewhere.
+    """
+    count, total = len(offset) - 1, len(row)
     contour = np.full((height, width), -1, dtype=np.int32)
     parent = np.arange(total + 1)
     outside = total
