@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from hydra.utils import instantiate
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.evaluation import with_truth
@@ -35,8 +35,11 @@ def frame_source(dataset: DictConfig, workers: int, split: str | None = None) ->
         The frames.
 
     Raises:
-        ConfigurationError: If it is no `FrameSource`.
+        ConfigurationError: If it is no `FrameSource`, or a value that it needs is missing.
     """
+    for key in sorted(OmegaConf.missing_keys(dataset)):
+        # Where a dataset is within another one, Hydra leaves the key out without a word.
+        raise ConfigurationError(f"dataset.{key} is not set. Give it on the command line: dataset.{key}=<value>")
     options: dict[str, Any] = {} if split is None else {"split": split}
     source: FrameSource = instantiate(dataset, **options)
     require_kind(source, FrameSource, "dataset")

@@ -3,6 +3,7 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 
+from sgbd.jobs.configuration import ConfigurationError
 from sgbd.jobs.pipeline import frame_source, prepare_splits
 from tests.scenes import Scenes
 
@@ -22,6 +23,13 @@ def test_a_dataset_is_generated_with_the_configured_workers(workers: int) -> Non
     source = frame_source(OmegaConf.create({"_target_": f"{__name__}.Generated"}), workers, "val")
     assert source.split == "val"
     assert generated_with == [workers]
+
+
+def test_a_value_that_a_dataset_within_another_one_lacks_is_named() -> None:
+    inner = {"_target_": "sgbd.sources.Folder", "_partial_": True, "root": "???"}
+    config = OmegaConf.create({"dataset": {"_target_": "sgbd.sources.Augmented", "source": inner}})
+    with pytest.raises(ConfigurationError, match=r"^dataset.source.root is not set. .* dataset.source.root=<value>$"):
+        frame_source(config.dataset, 0)
 
 
 def test_all_splits_share_a_folder(tmp_path: Path) -> None:
