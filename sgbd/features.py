@@ -1,5 +1,6 @@
 """Features of superpixels and of the edges between them, as named columns in one declared order.
 
+They are computed from the sums that `sgbd.regions` takes over the pixels; `sgbd.graph_arrays` puts them into a graph.
 Every column is computed and stored; an ablation selects columns of the same matrix by the names of their groups.
 """
 

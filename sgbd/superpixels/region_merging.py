@@ -235,26 +235,9 @@ def _merge(  # type: ignore[no-untyped-def]
         for k in range(_SUMS):
             sums[keep, k] += sums[gone, k]
         _judge(sums, keep, looks)
+        waiting = _take_over_edges(ends, half_edges, met, keep, gone, costs, heap, places, waiting)
         half = heads[keep]
         while half >= 0:
-            met[ends[half ^ 1]] = keep
-            half = after[half]
-        # What is a neighbour of both stays one through the edge that it has with the region that stays.
-        half = heads[gone]
-        while half >= 0:
-            following = after[half]
-            other = np.int64(ends[half ^ 1])
-            if met[other] == keep:
-                unlink(half_edges, other, half ^ 1)
-                if places[half // 2] >= 0:
-                    waiting = _remove(heap, places, costs, waiting, half // 2)
-            else:
-                ends[half] = keep
-                prepend(half_edges, keep, half)
-            half = following
-        half = heads[keep]
-        while half >= 0:
-            met[ends[half ^ 1]] = -1
             edge = half // 2
             if places[edge] >= 0:
                 costs[edge] = _cost(sums, looks, union, np.int64(ends[half]), np.int64(ends[half ^ 1]))
@@ -264,6 +247,36 @@ def _merge(  # type: ignore[no-untyped-def]
     for region in range(count):
         # A parent has the smaller id, so that its own root is known by now.
         parents[region] = parents[parents[region]]
+
+
+@compiled(inline="always")
+def _take_over_edges(ends, half_edges, met, keep, gone, costs, heap, places, waiting):  # type: ignore[no-untyped-def]
+    """Give a region that stays the edges of one that goes, and return how many edges wait in the heap then.
+
+    A neighbour of both keeps the edge that it has with the region that stays; its other edge is taken out.
+    """
+    heads, after, _ = half_edges
+    half = heads[keep]
+    while half >= 0:
+        met[ends[half ^ 1]] = keep
+        half = after[half]
+    half = heads[gone]
+    while half >= 0:
+        following = after[half]
+        other = np.int64(ends[half ^ 1])
+        if met[other] == keep:
+            unlink(half_edges, other, half ^ 1)
+            if places[half // 2] >= 0:
+                waiting = _remove(heap, places, costs, waiting, half // 2)
+        else:
+            ends[half] = keep
+            prepend(half_edges, keep, half)
+        half = following
+    half = heads[keep]
+    while half >= 0:
+        met[ends[half ^ 1]] = -1
+        half = after[half]
+    return waiting
 
 
 @compiled(inline="always")
