@@ -39,7 +39,7 @@ def frame_source(dataset: DictConfig, workers: int, split: str | None = None) ->
     """
     for key in sorted(OmegaConf.missing_keys(dataset)):
         # Where a dataset is within another one, Hydra leaves the key out without a word.
-        raise ConfigurationError(f"dataset.{key} is not set. Give it on the command line: dataset.{key}=<value>")
+        raise ConfigurationError(f"{key} is not set. Give it on the command line: {key}=<value>")
     options: dict[str, Any] = {} if split is None else {"split": split}
     source: FrameSource = instantiate(dataset, **options)
     require_kind(source, FrameSource, "dataset")
