@@ -12,18 +12,14 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
+import numba
 from llvmlite import binding
 from numba.core.caching import FunctionCache
 
-try:
-    from numba.core.runtime._nrt_python import c_helpers
-except ImportError:
-    c_helpers = None
-
-CAN_SKIP = c_helpers is not None and all(
-    hasattr(FunctionCache, name) for name in ("_load_overload", "_guard_against_spurious_io_errors")
-)
-"""Whether this version of Numba is made as `KeptCode` expects. If not, functions are read as Numba reads them."""
+TRIED_VERSIONS = ("0.68",)
+"""Versions of Numba that `KeptCode` was tried with: it uses what Numba does not promise to keep as it is."""
+CAN_SKIP = ".".join(numba.__version__.split(".")[:2]) in TRIED_VERSIONS
+"""If not, functions are read as Numba itself reads them."""
 
 
 class KeptCode(FunctionCache):
@@ -45,6 +41,8 @@ class KeptCode(FunctionCache):
 @cache
 def name_runtime_functions() -> None:
     """Tell the linker where Numba's functions for memory are, by the names that compiled code has for them."""
+    from numba.core.runtime._nrt_python import c_helpers  # here: other versions may not have it
+
     for name, address in c_helpers.items():
         binding.add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
 
