@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("numba")
+numba = pytest.importorskip("numba")
+kept_code = pytest.importorskip("sgbd.machine.kept_code")
+short_way = pytest.mark.skipif(not kept_code.CAN_SKIP, reason=f"not tried with Numba {numba.__version__}")
 
 PROGRAM = """
 import json, sys
@@ -51,6 +53,7 @@ def _run(path: Path) -> list[list[object]]:
     return result
 
 
+@short_way
 def test_what_is_kept_is_read_without_getting_ready_to_compile(tmp_path: Path):
     path = tmp_path / "program.py"
     path.write_text(PROGRAM)
@@ -58,6 +61,7 @@ def test_what_is_kept_is_read_without_getting_ready_to_compile(tmp_path: Path):
     assert _run(path) == [[LOG, 1, False], ["below zero", 1, False], [LOG[::-1], 1, False]]
 
 
+@short_way
 def test_what_is_not_kept_is_compiled_and_linked_to_what_is(tmp_path: Path):
     path = tmp_path / "program.py"
     path.write_text(PROGRAM)
