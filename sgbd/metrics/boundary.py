@@ -250,7 +250,12 @@ def _contours(
 
     Between the runs of a mask in a row lie *gaps*: run i, unless it is the first of its row, has gap i before it. What
     lies before the first run of a row, and behind the last, is outside. A gap is outside if a path of gaps that lie
-    above each other leads there.
+    above each other leads there. Of this mask, each run drawn by its number, gap 2 is a hole, and gap 5 is outside::
+
+        . 0 0 0 0 .
+        . 1 . . 2 .      gap 2: runs 0 and 3 close it above and below
+        . 3 3 3 3 .
+        . 4 . . 5 .      gap 5: nothing closes it below
 
     Args:
         height: Rows of the image, pixels.
