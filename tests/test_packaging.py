@@ -113,7 +113,7 @@ def outputs(installed, tmp_path_factory) -> dict:
 
 
 def test_the_installed_package_finds_its_own_configuration(installed, outputs):
-    assert Path(outputs["file"]) == installed / "sgbd" / "configuration.py"
+    assert Path(outputs["file"]) == installed / "sgbd" / "jobs" / "configuration.py"
     assert Path(outputs["folder"]) == installed / "sgbd" / "conf"
 
 
