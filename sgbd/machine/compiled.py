@@ -68,7 +68,7 @@ def _compile(function: Function, options: dict[str, Any]) -> Function:
     # Nothing calls the functions from C, and an entry for it is compiled with each.
     kept, options = options.get("cache", True), {"nogil": True, "no_cfunc_wrapper": True, **options, "cache": False}
     dispatcher: Function = numba.njit(**options)(function)
-    if kept:
+    if kept and dispatcher is not function:  # it is with NUMBA_DISABLE_JIT, for a debugger
         from sgbd.machine.kept_code import keep_on_disk
 
         try:

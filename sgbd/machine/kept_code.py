@@ -31,8 +31,6 @@ class KeptCode(FunctionCache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Read what is kept for a signature; None if nothing is."""
-        if not CAN_SKIP:
-            return super().load_overload(sig, target_context)
         name_runtime_functions()
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)
@@ -58,5 +56,5 @@ def keep_on_disk(dispatcher: Any) -> None:
     """
     dispatcher.enable_caching()
     # Numba lets nobody choose the class. Its own is an ordinary object, which can take on another one.
-    if type(getattr(dispatcher, "_cache", None)) is FunctionCache:
+    if CAN_SKIP:
         dispatcher._cache.__class__ = KeptCode

@@ -43,11 +43,9 @@ print(json.dumps([report(doubled, [0.0, 1.0]), report(doubled, [-1.0]), report(t
 LOG = [0.0, 0.6931471805599453]
 
 
-def _run(path: Path) -> list[list[object]]:
-    done = subprocess.run(
-        [sys.executable, str(path)],
-        capture_output=True, text=True, check=False, env={**os.environ, "NUMBA_CACHE_DIR": str(path.parent / "cache")},
-    )  # fmt: skip
+def _run(path: Path, **environment: str) -> list[list[object]]:
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(path.parent / "cache"), **environment}
+    done = subprocess.run([sys.executable, str(path)], capture_output=True, text=True, check=False, env=environment)
     assert done.returncode == 0, done.stderr
     result: list[list[object]] = json.loads(done.stdout)
     return result
@@ -76,3 +74,11 @@ def test_another_numba_reads_in_its_own_way(tmp_path: Path):
     path.write_text("import sgbd.machine.kept_code\nsgbd.machine.kept_code.CAN_SKIP = False\n" + PROGRAM)
     _run(path)
     assert _run(path) == [[LOG, 1, True], ["below zero", 1, True], [LOG[::-1], 1, True]]
+
+
+def test_nothing_is_kept_where_nothing_is_compiled(tmp_path: Path):
+    path = tmp_path / "program.py"
+    path.write_text(PROGRAM)
+    results = _run(path, NUMBA_DISABLE_JIT="1")
+    assert [result[:2] for result in results] == [[LOG, 0], ["below zero", 0], [LOG[::-1], 0]]
+    assert not (tmp_path / "cache").exists()
