@@ -200,7 +200,9 @@ def test_ablations_of_our_best_model_differ_from_the_papers_in_the_model():
     assert best.superpixels == graph.superpixels
     assert swept("ablate_sampling_best") == swept("ablate_sampling")
     assert swept("ablate_patches_best") == {"superpixels.n_segments": "128,256,512,1024"}
-    assert swept("ablate_features_best") == {"features": "paper,extended,paper_edges,all"}
+    assert swept("ablate_features_best") == swept("ablate_features")
+    features, papers = composed("train", "+experiment=ablate_features_best"), composed("train")
+    assert (features.model, features.superpixels) == (graph.model, papers.superpixels)
 
 
 def test_values_from_the_command_line_win_over_an_experiment():
