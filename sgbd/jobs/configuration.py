@@ -22,6 +22,7 @@ from sgbd.jobs.command_help import command_help
 from sgbd.jobs.misspelled_keys import suggestions
 from sgbd.jobs.unreadable_arguments import spellings
 from sgbd.machine.processors import usable_processors
+from sgbd.machine.workers import pythons_start_method
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells report it (128 + SIGINT)."""
@@ -99,7 +100,8 @@ def entry_point(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Cal
             if isinstance(config.get("trust"), str):
                 config.trust = [config.trust]
             try:
-                return task(config)
+                with pythons_start_method():
+                    return task(config)
             except KeyboardInterrupt:
                 print(f"\nInterrupted. {_how_to_continue()}", file=sys.stderr)
                 raise

@@ -88,10 +88,14 @@ def _map_in_processes(
     # Without a lock, which a worker that is killed could take with it.
     stop = context.RawValue(ctypes.c_bool, False)
     pool = ProcessPoolExecutor(workers, context, initializer=_start_worker, initargs=(message, stop, workers))
+    # All processes start with the first task. One that is started while the pool ends because another died is waited
+    # for without end (CPython 3.11 to 3.13).
+    pool._safe_to_dynamically_spawn_children = False  # type: ignore[attr-defined]
     in_flight: deque[Future[list[Any]]] = deque()
     try:
         for chunk in chunks:
-            with _conditions_for_workers("__main__" in modules):  # a task that finds no idle process starts one
+            # A task may start processes.
+            with pythons_start_method(), _conditions_for_workers("__main__" in modules):
                 in_flight.append(pool.submit(_run_chunk, chunk))
             if len(in_flight) > CHUNKS_IN_FLIGHT * workers:
                 yield from in_flight.popleft().result()
@@ -128,6 +132,24 @@ def _start_method(modules: list[str]) -> BaseContext:
         modules = [*modules, main.name]
     context.set_forkserver_preload([module for module in modules if module != "__main__"])
     return context
+
+
+@contextlib.contextmanager
+def pythons_start_method() -> Iterator[None]:
+    """Let processes be started in a way of Python's own here.
+
+    In a process of joblib, as jobs of Hydra's joblib launcher are, the usual way is joblib's. Processes that are
+    started in another way would take it over and end, as it is unknown to them; PyTorch's readers of data fail with it.
+    """
+    usual = multiprocessing.get_start_method(allow_none=True)
+    foreign = usual is not None and usual not in multiprocessing.get_all_start_methods()
+    if foreign:
+        multiprocessing.set_start_method(None, force=True)
+    try:
+        yield
+    finally:
+        if foreign:
+            multiprocessing.set_start_method(usual, force=True)
 
 
 @contextlib.contextmanager

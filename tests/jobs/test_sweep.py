@@ -110,13 +110,16 @@ import os
 from pathlib import Path
 from sgbd.jobs.configuration import ConfigurationError, entry_point, output_folder
 from sgbd.jobs.job import run_once
+from torch.utils.data import DataLoader
 
 def job(config, folder):
     with Path("ran.txt").open("a") as file:
         file.write(f"{folder.parent.name} {config.seed}\\n")
     if config.sampler.positive_share == 0.5 and os.environ.get("FAIL"):
         raise ConfigurationError("half is bad\\nreally")
-    return {"scores": {"hm/overlap_f": (config.sampler.positive_share or 0.8) + config.seed / 100}}
+    # Read in a process, as training does, with whatever launcher.
+    score, = DataLoader([(config.sampler.positive_share or 0.8) + config.seed / 100], num_workers=1)
+    return {"scores": {"hm/overlap_f": score.item()}}
 
 @entry_point("train")
 def main(config):

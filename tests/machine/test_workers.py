@@ -1,4 +1,5 @@
 import itertools
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -7,6 +8,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import joblib
 import pytest
 
 from sgbd.machine.workers import WorkerError, map_in_order
@@ -130,3 +132,14 @@ def test_workers_import_the_main_script_only_for_what_is_defined_in_it(tmp_path:
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout == "[0, 2, 4] True\n"
+
+
+def squares_in_workers(count: int) -> tuple[list[int], str]:
+    squares = list(map_in_order(square, range(count), 2))
+    return squares, multiprocessing.get_start_method()
+
+
+def test_processes_of_joblib_can_have_workers() -> None:
+    """As the jobs of Hydra's joblib launcher do, which prepare frames."""
+    results = joblib.Parallel(n_jobs=2, backend="loky")(joblib.delayed(squares_in_workers)(count) for count in (3, 4))
+    assert results == [([0, 1, 4], "loky"), ([0, 1, 4, 9], "loky")]
