@@ -12,9 +12,8 @@ from sgbd.checkpoint import find_checkpoint
 from sgbd.frame import FrameError
 from sgbd.jobs.configuration import ConfigurationError, entry_point, output_folder
 from sgbd.machine.progress_bar import ProgressBar
-from sgbd.prediction import find_frames, write_segmentation
+from sgbd.prediction import find_frames, segment_ahead, write_segmentation
 from sgbd.segmenter import Segmenter
-from sgbd.sources import FrameReadError
 from sgbd.sources.camera import intrinsics_from
 
 log = logging.getLogger(__name__)
@@ -38,16 +37,16 @@ def main(config: DictConfig) -> None:
     )
     folder = output_folder() if config.output is None else Path(config.output).expanduser()
     failed = 0
-    for index in ProgressBar(range(len(frames)), "segmenting", unit="frame"):
-        try:
-            frame = frames[index]
-        except (FrameError, FrameReadError) as error:
+    results = ProgressBar(segment_ahead(frames, segmenter), "segmenting", len(frames), unit="frame")
+    for name, result in zip(frames.names, results, strict=True):
+        if isinstance(result, FrameError):
             if config.on_error == "fail":
-                raise
+                raise result
             failed += 1
-            log.error("skipped %s: %s", frames.names[index], error)
-            continue
-        write_segmentation(frame, segmenter.segment_frame(frame), folder)
+            log.error("skipped %s: %s", name, result)
+        else:
+            frame, segmentation = result
+            write_segmentation(frame, segmentation, folder, draw=config.overlays)
     if failed == len(frames):
         raise ConfigurationError(f"none of the {failed} frames could be read; the messages above say why")
     done = len(frames) - failed

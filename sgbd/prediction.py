@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 import logging
+import zlib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import imageio.v3 as iio
 import numpy as np
 from scipy.ndimage import find_objects
 
-from sgbd.frame import MILLIMETERS, Frame, Intrinsics
+from sgbd.frame import MILLIMETERS, Frame, FrameError, Intrinsics
 from sgbd.machine.atomic_file import write_whole
+from sgbd.machine.one_ahead import one_ahead
 from sgbd.reporting.overlay import overlay
 from sgbd.segmentation import Segmentation
 from sgbd.sources import ColorDepthRecording, Folder, FrameReadError, FrameSource, TumRecording, VideoPair
@@ -21,6 +24,9 @@ from sgbd.sources.image import IMAGE_SUFFIXES, checked_depth_scale, read_depth, 
 from sgbd.sources.notices import info_once
 from sgbd.sources.tum_recording import TOLERANCE, TUM_DEPTH_SCALE
 from sgbd.sources.video_pair import VIDEO_SUFFIXES
+
+if TYPE_CHECKING:
+    from sgbd.segmenter import Segmenter
 
 log = logging.getLogger(__name__)
 
@@ -204,6 +210,34 @@ def _images_by_name(folder: Path) -> dict[str, Path]:
     return images
 
 
+def segment_ahead(frames: FrameSource, segmenter: Segmenter) -> Iterator[tuple[Frame, Segmentation] | FrameError]:
+    """Segment frames in turn. While the caller works on one, the next is segmented and the one after that read.
+
+    Args:
+        frames: The frames.
+        segmenter: What segments them.
+
+    Yields:
+        For every frame, the frame and its segmentation, or the error if it cannot be read.
+    """
+    indices = iter(range(len(frames)))
+
+    def read() -> Frame | FrameError | None:
+        index = next(indices, None)
+        try:
+            return None if index is None else frames[index]
+        except FrameError as error:
+            return error
+
+    frames_read: Iterator[Frame | FrameError] = one_ahead(read)
+
+    def segment() -> tuple[Frame, Segmentation] | FrameError | None:
+        frame = next(frames_read, None)
+        return (frame, segmenter.segment_frame(frame)) if isinstance(frame, Frame) else frame
+
+    return one_ahead(segment)
+
+
 def objects_as_json(segmentation: Segmentation) -> list[dict[str, Any]]:
     """Describe the objects of a frame.
 
@@ -231,21 +265,23 @@ def objects_as_json(segmentation: Segmentation) -> list[dict[str, Any]]:
     ]
 
 
-def write_segmentation(frame: Frame, segmentation: Segmentation, folder: Path) -> None:
+def write_segmentation(frame: Frame, segmentation: Segmentation, folder: Path, draw: bool = True) -> None:
     """Write `NAME_labels.png` (uint16 ids, 0 = not an object), `NAME_overlay.png` and `NAME.json`.
 
     Args:
         frame: The frame.
         segmentation: Its objects.
         folder: Where to; made if needed.
+        draw: Whether to write the overlay, which takes as long as the segmentation.
     """
     stem = frame.name.replace("/", "_")
     labels = segmentation.instances.astype(np.uint16)
     write_whole(folder / f"{stem}_labels.png", iio.imwrite("<bytes>", labels, extension=".png"))
-    picture = overlay(frame.rgb, segmentation.instances)
-    # Compressed as by default, the picture would take longer than the segmentation, to be a sixth smaller.
-    encoded = iio.imwrite("<bytes>", picture, extension=".png", compress_level=1)
-    write_whole(folder / f"{stem}_overlay.png", encoded)
+    if draw:
+        picture = overlay(frame.rgb, segmentation.instances)
+        # Compressed as by default, the picture would take longer than the segmentation, and be hardly smaller.
+        encoded = iio.imwrite("<bytes>", picture, extension=".png", compress_level=1, compress_type=zlib.Z_HUFFMAN_ONLY)
+        write_whole(folder / f"{stem}_overlay.png", encoded)
     description = {
         "name": frame.name,
         "width": frame.width,

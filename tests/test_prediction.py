@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from sgbd.frame import Frame, FrameError
-from sgbd.prediction import RecordedFrames, find_frames, objects_as_json, write_segmentation
+from sgbd.machine import one_ahead
+from sgbd.prediction import RecordedFrames, find_frames, objects_as_json, segment_ahead, write_segmentation
 from sgbd.segmentation import Segmentation
+from sgbd.segmenter import Segmenter
 from sgbd.sources import ColorDepthRecording, DatasetNotFoundError, FrameReadError, TumRecording
 from tests.scenes import scene
 
@@ -98,6 +100,36 @@ def test_three_files_are_written(tmp_path: Path) -> None:
     description = json.loads((tmp_path / "out/set_one.json").read_text())
     assert (description["name"], description["width"], description["height"]) == ("set/one", 8, 6)
     assert description["objects"] == objects_as_json(_segmentation())
+
+
+def test_overlays_can_be_left_out(tmp_path: Path) -> None:
+    frame = Frame(np.full((6, 8, 3), 90, np.uint8), np.ones((6, 8), np.float32), name="one")
+    write_segmentation(frame, _segmentation(), tmp_path, draw=False)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["one.json", "one_labels.png"]
+
+
+@pytest.mark.parametrize("processors", [1, 2])
+def test_frames_are_segmented_in_turn_and_unreadable_ones_told_in_their_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, processors: int
+) -> None:
+    monkeypatch.setattr(one_ahead, "thread_count", lambda: processors)
+    for number in range(4):
+        _write(scene(number), tmp_path / f"{number}_rgb.png", tmp_path / f"{number}_depth.png")
+    (tmp_path / "2_depth.png").write_bytes(b"no image")
+    frames, segmenter = RecordedFrames(tmp_path), Segmenter.pretrained()
+    results = list(segment_ahead(frames, segmenter))
+    assert len(results) == 4
+    for number, result in enumerate(results):
+        if number == 2:
+            assert isinstance(result, FrameReadError)
+            assert "2_depth.png" in str(result)
+        else:
+            assert isinstance(result, tuple)
+            frame, segmentation = result
+            assert frame.name == str(number)
+            alone = segmenter.segment_frame(frames[number])
+            assert (segmentation.instances == alone.instances).all()
+            assert (segmentation.superpixels == alone.superpixels).all()
 
 
 def test_the_lists_of_tum_come_before_folders_of_the_same_names(tmp_path: Path) -> None:

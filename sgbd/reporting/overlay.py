@@ -54,11 +54,13 @@ def overlay(
     table[objects, 3] = opacity
     table[~objects & (ids == SUPPORT)] = (*SUPPORT_COLOR, opacity / 2)
     table[~objects & (ids < 0)] = (*IGNORE_COLOR, opacity)
-    index = instances - lowest
-    painted = table[:, 3].astype(bool)[index]
-    paint = table[index[painted]]
+    kept, paint = 1 - table[:, 3:], table[:, :3] * table[:, 3:]
     mixed = rgb.copy()
-    blend = rgb[painted] / 255 * (1 - paint[:, 3:]) + paint[:, :3] * paint[:, 3:]
-    mixed[painted] = (blend * 255).round().astype(np.uint8)
+    pixels = mixed.reshape(-1, 3)
+    index = (instances - lowest).ravel()
+    painted = np.flatnonzero(table[:, 3].astype(bool)[index])
+    index = index[painted]
+    blend = pixels[painted] / 255 * kept[index] + paint[index]
+    pixels[painted] = (blend * 255).round().astype(np.uint8)
     mixed[find_boundaries(np.maximum(instances, first - 1), mode="inner", connectivity=1)] = 255
     return mixed
