@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import threading
 from collections.abc import Callable, Sequence
@@ -61,9 +62,14 @@ def side_by_side(jobs: Sequence[Callable[[], Result]], threads: int) -> list[Res
     """
     if threads == 1 or len(jobs) < 2:
         return [job() for job in jobs]
-    pool = _helpers(min(threads, len(jobs)) - 1)
-    futures = [pool.submit(job) for job in jobs[1:]]
+    futures: list[Future[Result]] = [Future() for _ in jobs[1:]]
     try:
+        # Where no thread can be started, as there are as many as the system allows or the main thread has ended, all
+        # that is left is done here.
+        with contextlib.suppress(RuntimeError):
+            pool = _helpers(min(threads, len(jobs)) - 1)
+            for job, future in zip(jobs[1:], futures, strict=True):
+                pool.submit(_do, job, future)
         results: list[Result | Future[Result]] = [jobs[0]()]
         for job, future in zip(jobs[1:], futures, strict=True):
             results.append(job() if future.cancel() else future)
@@ -73,6 +79,15 @@ def side_by_side(jobs: Sequence[Callable[[], Result]], threads: int) -> list[Res
             if not future.cancel():
                 future.exception()
     return [result.result() if isinstance(result, Future) else result for result in results]
+
+
+def _do(job: Callable[[], Result], future: Future[Result]) -> None:
+    """Do a job that nobody has begun or cancelled."""
+    if future.set_running_or_notify_cancel():
+        try:
+            future.set_result(job())
+        except BaseException as error:
+            future.set_exception(error)
 
 
 def _helpers(count: int) -> ThreadPoolExecutor:

@@ -30,6 +30,23 @@ CHUNKS_IN_FLIGHT = 3
 """Chunks a worker may be ahead of the slowest one: enough to keep it busy, few enough to hold no pile of results."""
 
 
+_starting = threading.RLock()
+"""Held while processes are started: what they inherit meanwhile belongs to this whole process, not to a thread."""
+_server_is_not_ours = False
+"""Whether this process is a copy of one that had a server of processes, which serves that one only."""
+
+
+def _note_fork() -> None:
+    global _server_is_not_ours
+    forkserver = sys.modules.get("multiprocessing.forkserver")
+    _server_is_not_ours = forkserver is not None and forkserver._forkserver._forkserver_pid is not None
+    _starting.release()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(before=_starting.acquire, after_in_parent=_starting.release, after_in_child=_note_fork)
+
+
 class WorkerError(RuntimeError):
     """Worker processes that cannot start, or that died: killed, or out of memory."""
 
@@ -55,8 +72,9 @@ def map_in_order(
         The results, one an index.
 
     Raises:
-        WorkerError: If a worker died, if `function` cannot be sent to one, if `workers` is negative, or if a worker
-            itself calls this while it imports the main script, which then lacks its guard.
+        WorkerError: If a worker died, if `function` cannot be sent to one, if `workers` is negative, if this process may
+            not start others, or if a worker itself calls this while it imports the main script, which then lacks its
+            guard.
         Exception: Whatever `function` raises.
     """
     if workers < 0:
@@ -67,6 +85,11 @@ def map_in_order(
         raise WorkerError(
             "worker processes import the main script, in which their work is defined, and this script starts worker "
             "processes when it is imported. Put its calls under \"if __name__ == '__main__':\", or use workers=0."
+        )
+    if multiprocessing.current_process().daemon:
+        raise WorkerError(
+            "this is a daemonic process, such as those of multiprocessing.Pool and of PyTorch's DataLoader, which Python "
+            "lets start no others. Use workers=0 in it."
         )
     try:
         message = pickle.dumps(function)
@@ -95,7 +118,7 @@ def _map_in_processes(
     try:
         for chunk in chunks:
             # A task may start processes.
-            with pythons_start_method(), _conditions_for_workers("__main__" in modules):
+            with _starting, pythons_start_method(), _conditions_for_workers("__main__" in modules):
                 in_flight.append(pool.submit(_run_chunk, chunk))
             if len(in_flight) > CHUNKS_IN_FLIGHT * workers:
                 yield from in_flight.popleft().result()
@@ -118,12 +141,12 @@ def _modules_of(message: bytes) -> list[str]:
 
 
 def _start_method(modules: list[str]) -> BaseContext:
-    """Return how to start processes: as copies of a server that has imported `modules`, or anew where there is none.
+    """Return how to start processes: as copies of a server that has imported `modules`, or anew where none can be had.
 
     Imports take longer than some frames do, so a server that does them once for all workers of this process pays. It
     runs no threads, so to copy it is safe, which to copy this process would not be.
     """
-    if "forkserver" not in multiprocessing.get_all_start_methods():
+    if _server_is_not_ours or "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
     main = getattr(sys.modules["__main__"], "__spec__", None)

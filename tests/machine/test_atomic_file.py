@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import threading
 from pathlib import Path
 
 import pytest
@@ -31,4 +32,29 @@ def test_a_full_disk_leaves_the_old_content_and_no_litter(tmp_path: Path, monkey
         write_whole(path, b"second")
     assert caught.value.filename == str(path)
     assert path.read_bytes() == b"first"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_threads_that_write_one_file_do_not_disturb_each_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "file"
+    contents = [bytes([number]) * 1000 for number in range(3)]
+    all_have_written = threading.Barrier(len(contents), timeout=30)
+    monkeypatch.setattr(os, "fsync", lambda descriptor: all_have_written.wait())
+    errors: list[OSError] = []
+
+    def write(content: bytes) -> None:
+        try:
+            write_whole(path, content)
+        except OSError as error:
+            errors.append(error)
+
+    threads = [threading.Thread(target=write, args=(content,)) for content in contents]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert errors == []
+    assert path.read_bytes() in contents
     assert list(tmp_path.iterdir()) == [path]

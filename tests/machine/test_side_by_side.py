@@ -1,5 +1,8 @@
 import os
+import subprocess
+import sys
 import threading
+from functools import partial
 
 import pytest
 
@@ -75,6 +78,37 @@ def test_a_forked_process_starts_threads_of_its_own() -> None:
     if child == 0:
         os._exit(0 if side_by_side([lambda: 1, lambda: 2], 2) == [1, 2] else 1)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
+def test_where_no_thread_can_be_started_all_is_done_here_and_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    done: list[int] = []
+
+    def start(thread: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(module, "_pools", {})
+    with monkeypatch.context() as limited:
+        limited.setattr(threading.Thread, "start", start)
+        side_by_side([partial(done.append, number) for number in range(4)], 2)
+    assert done == [0, 1, 2, 3]
+    # What could not be begun then is not begun later.
+    side_by_side([partial(done.append, 4), partial(done.append, 5)], 2)
+    assert sorted(done) == [0, 1, 2, 3, 4, 5]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="runs a script as a POSIX process")
+def test_a_thread_works_on_when_the_main_thread_has_ended() -> None:
+    script = """
+import threading
+from sgbd.machine.side_by_side import side_by_side
+def work():
+    threading.main_thread().join()
+    print(side_by_side([lambda: 1, lambda: 2, lambda: 3], 2))
+print(side_by_side([lambda: 4, lambda: 5], 2))
+threading.Thread(target=work).start()
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300, check=False)
+    assert (done.stdout, done.stderr) == ("[4, 5]\n[1, 2, 3]\n", "")
 
 
 def test_threads_are_as_many_as_processors_and_two_at_the_most() -> None:

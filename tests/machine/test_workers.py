@@ -1,16 +1,20 @@
+import contextlib
 import itertools
 import multiprocessing
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future
 from pathlib import Path
 
 import joblib
 import pytest
 
+from sgbd.machine import workers as module
 from sgbd.machine.workers import WorkerError, map_in_order
 
 
@@ -95,6 +99,62 @@ def test_closing_stops_early() -> None:
 def test_bad_arguments(function: Callable[[int], int], workers: int, message: str) -> None:
     with pytest.raises(WorkerError, match=message):
         map_in_order(function, range(3), workers)
+
+
+def test_a_daemonic_process_is_told_that_it_can_start_no_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(multiprocessing.current_process()._config, "daemon", True)  # type: ignore[attr-defined]
+    with pytest.raises(WorkerError, match=r"daemonic process.*Use workers=0"):
+        map_in_order(square, range(3), 1)
+    assert list(map_in_order(square, range(3), 0)) == [0, 1, 4]
+
+
+class PoolWithoutProcesses:
+    """Notes whether two threads start processes at a time."""
+
+    both = threading.Barrier(2)
+    together = False
+
+    def __init__(self, *arguments: object, **options: object) -> None:
+        pass
+
+    def submit(self, function: object, chunk: range) -> Future[list[int]]:
+        with contextlib.suppress(threading.BrokenBarrierError):
+            self.both.wait(timeout=0.5)
+            PoolWithoutProcesses.together = True
+        future: Future[list[int]] = Future()
+        future.set_result(list(chunk))
+        return future
+
+    def shutdown(self, **options: object) -> None:
+        pass
+
+
+def test_threads_start_processes_one_after_the_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For what the processes inherit is changed meanwhile, and then put back as it was."""
+    monkeypatch.setattr(module, "ProcessPoolExecutor", PoolWithoutProcesses)
+    monkeypatch.setenv("OMP_NUM_THREADS", "5")
+    file = sys.modules["__main__"].__file__
+    threads = [threading.Thread(target=lambda: list(map_in_order(abs, range(1), 1))) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not PoolWithoutProcesses.together
+    assert os.environ["OMP_NUM_THREADS"] == "5"
+    assert sys.modules["__main__"].__file__ == file
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork here")
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
+def test_a_copy_of_a_process_that_had_workers_can_have_some_too() -> None:
+    assert list(map_in_order(square, range(3), 1)) == [0, 1, 4]
+    child = os.fork()
+    if child == 0:
+        with contextlib.suppress(BaseException):
+            os._exit(0 if list(map_in_order(square, range(3), 1)) == [0, 1, 4] else 1)
+        os._exit(2)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    assert list(map_in_order(square, range(3), 1)) == [0, 1, 4]
 
 
 def _run(folder: Path, script: str) -> subprocess.CompletedProcess[str]:
