@@ -35,9 +35,7 @@ def test_a_full_disk_leaves_the_old_content_and_no_litter(tmp_path: Path, monkey
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_threads_that_write_one_file_do_not_disturb_each_other(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_threads_that_write_one_file_do_not_disturb_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "file"
     contents = [bytes([number]) * 1000 for number in range(3)]
     all_have_written = threading.Barrier(len(contents), timeout=30)
