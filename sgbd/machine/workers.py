@@ -72,9 +72,9 @@ def map_in_order(
         The results, one an index.
 
     Raises:
-        WorkerError: If a worker died, if `function` cannot be sent to one, if `workers` is negative, if this process may
-            not start others, or if a worker itself calls this while it imports the main script, which then lacks its
-            guard.
+        WorkerError: If a worker died, if `function` cannot be sent to one, if `workers` is negative, if this process
+            may not start others, or if a worker itself calls this while it imports the main script, which then lacks
+            its guard.
         Exception: Whatever `function` raises.
     """
     if workers < 0:
@@ -88,8 +88,8 @@ def map_in_order(
         )
     if multiprocessing.current_process().daemon:
         raise WorkerError(
-            "this is a daemonic process, such as those of multiprocessing.Pool and of PyTorch's DataLoader, which Python "
-            "lets start no others. Use workers=0 in it."
+            "this is a daemonic process, such as those of multiprocessing.Pool and of PyTorch's DataLoader, which may "
+            "start no others. Use workers=0 in it."
         )
     try:
         message = pickle.dumps(function)
