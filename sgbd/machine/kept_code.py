@@ -9,12 +9,17 @@ of Numba's, no more; and whatever does compile makes itself ready in any case.
 
 from __future__ import annotations
 
+import contextlib
+import logging
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numba
 from llvmlite import binding
 from numba.core.caching import FunctionCache
+
+logger = logging.getLogger(__name__)
 
 TRIED_VERSIONS = ("0.68",)
 """Versions of Numba that `KeptCode` was tried with: it uses what Numba does not promise to keep as it is."""
@@ -30,10 +35,32 @@ class KeptCode(FunctionCache):
     """
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Read what is kept for a signature; None if nothing is."""
+        """Read what is kept for a signature; None if nothing is, or it is damaged, as a power cut may leave it."""
         name_runtime_functions()
-        with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
+        try:
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(sig, target_context)
+        except MemoryError:
+            raise
+        except Exception as error:  # whatever bytes that are no pickle, or no machine code, may lead to
+            logger.warning("the kept code of %s cannot be read and is made again: %r", self._name, error)
+            self._forget()
+        return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the code of a signature, if there is room for it."""
+        try:
+            with self._guard_against_spurious_io_errors():
+                self._save_overload(sig, data)
+        except OSError as error:
+            logger.warning("the compiled code of %s cannot be kept: %s", self._name, error)
+            # It may name a file that was not written, in the place of which one of an earlier version lies.
+            self._forget()
+
+    def _forget(self) -> None:
+        """Take away the list of what is kept."""
+        with contextlib.suppress(OSError):
+            Path(self._cache_file._index_path).unlink(missing_ok=True)
 
 
 @cache

@@ -1,14 +1,20 @@
 from __future__ import annotations
 
+import errno
 import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from sgbd.machine.compiled import compiled
+
 numba = pytest.importorskip("numba")
+IndexDataCacheFile = pytest.importorskip("numba.core.caching").IndexDataCacheFile
 kept_code = pytest.importorskip("sgbd.machine.kept_code")
 short_way = pytest.mark.skipif(not kept_code.CAN_SKIP, reason=f"not tried with Numba {numba.__version__}")
 
@@ -67,6 +73,43 @@ def test_what_is_not_kept_is_compiled_and_linked_to_what_is(tmp_path: Path):
     for file in (tmp_path / "cache").rglob("*turned*"):
         file.unlink()
     assert _run(path) == [[LOG, 1, False], ["below zero", 1, False], [LOG[::-1], 0, True]]
+
+
+def twice(value: int) -> int:
+    return 2 * value
+
+
+def use_of_kept_code(function: Callable[[int], int]) -> tuple[int, int]:
+    """Compile a function or read what is kept of it, call it, and return the result and how often code was read."""
+    dispatcher: Any = compiled(function)
+    return dispatcher(3), sum(dispatcher.stats.cache_hits.values())
+
+
+@short_way
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+@pytest.mark.parametrize("length", [0, 100])
+def test_what_is_damaged_is_made_again(
+    suffix: str, length: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    assert [use_of_kept_code(twice) for _ in range(2)] == [(6, 0), (6, 1)]
+    (file,) = tmp_path.rglob(f"*.{suffix}")
+    file.write_bytes(file.read_bytes()[:length])
+    assert [use_of_kept_code(twice) for _ in range(2)] == [(6, 0), (6, 1)]
+
+
+@short_way
+def test_what_there_is_no_room_for_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    with monkeypatch.context() as full:
+
+        def write(*arguments: object) -> None:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        full.setattr(IndexDataCacheFile, "_save_data", write)
+        assert [use_of_kept_code(twice) for _ in range(2)] == [(6, 0), (6, 0)]
+    assert not list(tmp_path.rglob("*.nb*"))
+    assert [use_of_kept_code(twice) for _ in range(2)] == [(6, 0), (6, 1)]
 
 
 def test_another_numba_reads_in_its_own_way(tmp_path: Path):
