@@ -1,24 +1,25 @@
 """Zero-shot instance segmentation of cluttered RGB-D scenes on superpixel graphs.
 
-What is where:
+Where to find what:
 
-- Frames: `frame`, their readers and the synthetic dataset in `sources`, `frame_augmentation`.
-- A frame's graph: `superpixels`, `adjacency`, `regions` (one pass over the pixels), `features`, `graph_arrays` (NumPy),
-  `graph` (PyG). A second stage's graph: `agglomeration`, `own_columns`. Further node features: `node_block`, `dino`.
-- Graphs on disk: `preparation` makes them, each in a `graph_file` with its `label_map` packed, in a folder called by
-  their `recipe`; `node_block_cache` keeps further columns beside them; `data` is the PyG dataset that reads them.
-- Networks: `models`, the tensors that they read without PyG (`graph_tensors`), and a `checkpoint` of both stages.
-- Training: `batches`, `augmentation`, `sampling`, `losses`, and in `training` the loop, what it looks at before the
-  first epoch, and the state that an interrupted one goes on from.
-- From classified edges to objects: `partition`, `segmentation`, `repaint`, `calibration` of the scores; all steps from
-  a frame on in `segmenter`, from files to files in `prediction`.
+- Frames: `frame`, the readers and the synthetic dataset in `sources`, and `frame_augmentation`.
+- The graph of a frame: `superpixels`, `adjacency`, `regions` (one pass over the pixels), `features`, `graph_arrays`
+  (NumPy), `graph` (PyG). The graph of a second stage: `agglomeration`, `own_columns`. Extra node features:
+  `node_block`, `dino`.
+- Graphs on disk: `preparation` writes each graph to a `graph_file`, with its `label_map` packed, in a folder named
+  after their `recipe`. `node_block_cache` stores extra columns beside them. `data` is the PyG dataset that reads them.
+- Networks: `models`, the tensors that they read without PyG (`graph_tensors`), and the `checkpoint` of both stages.
+- Training: `batches`, `augmentation`, `sampling`, `losses`. `training` has the loop, the checks before the first epoch,
+  and the state from which an interrupted training resumes.
+- From classified edges to objects: `partition`, `segmentation`, `repaint`, `calibration` of the scores. `segmenter`
+  runs all steps on a frame, `prediction` on files.
 - Scores: `majority`, `metrics`, `evaluation` of graphs, `label_map_evaluation` of other methods and of `label_images`,
-  `failures` by kind; `scored_partition` and `tuning` choose thresholds.
-- For people: `reporting` (names of scores, pictures, an evaluation's files, the page of a run or sweep).
-- Runs as configured: `jobs` (configuration and hints at mistyped arguments, frames and graphs, the untrained model,
-  from frames to scores, once in its folder, many and their table).
+  `failures` by kind. `scored_partition` and `tuning` choose thresholds.
+- Output for people: `reporting` (names of scores, pictures, the files of an evaluation, the page of a run or sweep).
+- Configured runs: `jobs` (configuration and hints on mistyped arguments, frames and graphs, the untrained model, from
+  frames to scores, single jobs in their folders, sweeps and their tables).
 - Comparisons: `baselines`, `comparison`, `comparison_results`; `benchmarking` of speed and memory; `onnx_export`.
-- What the machine has to give: `machine` (compiled loops, threads, processes, memory, files, progress bars).
+- The machine: `machine` (compiled loops, threads, processes, memory, files, progress bars).
 - Commands, each run with ``python -m``: `prepare`, `train`, `tune`, `evaluate`, `predict`, `compare`, `report`,
   `export`, `feature_importance`, `benchmark`, `split`, `semantic_masks`.
 """

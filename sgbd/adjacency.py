@@ -1,4 +1,4 @@
-"""Which superpixels are neighbours: pairs of a region adjacency graph from a label map."""
+"""Region adjacency: the pairs of neighbouring superpixels in a label map."""
 
 from __future__ import annotations
 

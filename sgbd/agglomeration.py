@@ -1,13 +1,13 @@
 """The second stage of an agglomerative segmentation: merge, pool again, classify again.
 
-A first stage merges superpixels into segments. These are the nodes of a new graph, with the same features, now of
-whole surfaces: planes fitted to hundreds of pixels instead of dozens. Its edges join segments that touch, and also
-objects that lie near each other without touching, so that the two ends of a box behind a bottle can become one object,
-which no partition of touching superpixels can give.
+A first stage merges superpixels into segments. These segments are the nodes of a new graph with the same features, now
+of whole surfaces: planes are fitted to hundreds of pixels instead of dozens. Its edges join touching segments, and also
+objects that lie near each other without touching. The two ends of a box behind a bottle can thus become one object,
+which no partition of touching superpixels allows.
 
-Beside the columns of every graph there are what the first stage thinks of each border, what lies on the line of sight
-between two segments (something nearer may hide a connection, something farther shows that there is none), and how well
-the two would go on into each other.
+Besides the columns of every graph, the edges have columns for the first stage's opinion of each border, for what lies
+on the line of sight between two segments (something nearer may hide a connection, something farther shows that there
+is none), and for how well the two segments continue into each other.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Changes of training graphs that leave their labels as they are."""
+"""Augmentation of training graphs: changes that preserve the labels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Batches of graphs for training: only the fields that training reads, put together fast."""
+"""Batches of graphs for training, assembled fast from only the fields that training reads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""python -m sgbd.benchmark: measure speed and memory, from a frame to its objects, and of preparation and training."""
+"""python -m sgbd.benchmark: measure speed and memory of segmentation, preparation and training."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Scores that mean what they say: the probability that a segment is right, learned on validation frames.
+"""Calibrated scores: the probability that a segment is right, learned on validation frames.
 
 A segment is right if its intersection over union with a true object is above 0.75. A logistic regression on a few
-numbers of the segment says how likely that is (J. Platt, "Probabilistic outputs for support vector machines", 1999, on
-several inputs). Its coefficients are plain numbers in the recipe of a checkpoint.
+numbers of the segment predicts how likely that is (J. Platt, "Probabilistic outputs for support vector machines",
+1999, extended to several inputs). Its coefficients are plain numbers in the recipe of a checkpoint.
 """
 
 from __future__ import annotations

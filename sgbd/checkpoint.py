@@ -1,12 +1,11 @@
-"""A trained model and its whole recipe in one file that holds nothing executable.
+"""A trained model and its whole recipe in one file without executable content.
 
-The file is in safetensors format: the weights as tensors, and in the metadata one JSON text
+The file is in safetensors format. It stores the weights as tensors, and in the metadata one JSON text
 
     {"format": "sgbd checkpoint", "format_version": 1, "recipe": {...}}
 
 whose recipe says how frames become graphs and graphs become segments, as configurations of classes
-(`_target_` and arguments). Reading instantiates classes below `sgbd` only, and those of packages that the caller
-trusts.
+(`_target_` and arguments). Reading only instantiates classes of `sgbd` and of packages that the caller trusts.
 """
 
 from __future__ import annotations

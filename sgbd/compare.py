@@ -1,4 +1,4 @@
-"""python -m sgbd.compare: trained models, classical baselines and other systems' label images side by side."""
+"""python -m sgbd.compare: trained models, classical baselines and other systems' label images on the same frames."""
 
 from __future__ import annotations
 

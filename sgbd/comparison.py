@@ -1,4 +1,4 @@
-"""Trained models, classical baselines and other systems side by side, on the same frames with the same metrics."""
+"""Trained models, classical baselines and other systems, on the same frames with the same metrics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The files that a comparison leaves for people: scores, failures by kind, and grids of pictures."""
+"""Output files of a comparison: scores, failures by kind, and grids of pictures."""
 
 from __future__ import annotations
 

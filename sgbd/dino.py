@@ -1,4 +1,4 @@
-"""What a self-supervised vision transformer attends to, as node features: the paper's implicit ones."""
+"""Attention of a self-supervised vision transformer as node features: the paper's implicit features."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scores of an edge model on prepared graphs: the same code judges epochs of training and finished models."""
+"""Scores of an edge model on prepared graphs, used for both training epochs and finished models."""
 
 from __future__ import annotations
 

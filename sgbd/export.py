@@ -1,4 +1,4 @@
-"""python -m sgbd.export: a trained model as an ONNX file, for programs without Python."""
+"""python -m sgbd.export: export a trained model as an ONNX file, for programs without Python."""
 
 from __future__ import annotations
 

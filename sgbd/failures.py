@@ -1,4 +1,4 @@
-"""What went wrong with the objects of a frame, each failure of exactly one kind."""
+"""Failures on the objects of a frame, each assigned to exactly one kind."""
 
 from __future__ import annotations
 

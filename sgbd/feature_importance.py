@@ -1,4 +1,4 @@
-"""python -m sgbd.feature_importance: which features tell a random forest that two superpixels belong together."""
+"""python -m sgbd.feature_importance: which features show a random forest that two superpixels belong together."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Features of superpixels and of the edges between them, as named columns in one declared order.
 
-They are computed from the sums that `sgbd.regions` takes over the pixels; `sgbd.graph_arrays` puts them into a graph.
-Every column is computed and stored; an ablation selects columns of the same matrix by the names of their groups.
+They are computed from the pixel sums of `sgbd.regions`; `sgbd.graph_arrays` puts them into a graph. All columns are
+computed and stored. An ablation selects columns of the same matrix by the names of their groups.
 """
 
 from __future__ import annotations

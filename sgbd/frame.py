@@ -1,4 +1,4 @@
-"""The one input type of the package: an RGB-D frame, validated once, on construction."""
+"""The only input type of the package: an RGB-D frame, validated once on construction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Changes of training frames, before superpixels: another camera, another light, another sensor."""
+"""Augmentation of training frames, before superpixels: a different camera, lighting and sensor."""
 
 from __future__ import annotations
 

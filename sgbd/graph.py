@@ -1,4 +1,4 @@
-"""From a frame and its superpixels to a PyG graph, and on to NetworkX."""
+"""From a frame and its superpixels to a PyG graph, and from there to NetworkX."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The superpixel graph of a frame as NumPy arrays: all of `sgbd.graph.build_graph` that needs neither PyTorch nor PyG.
+"""The superpixel graph of a frame as NumPy arrays: the part of `sgbd.graph.build_graph` without PyTorch and PyG.
 
-Workers of the preparation, and a robot that segments, build graphs by the thousand and would otherwise wait for, and
-hold in memory, libraries of which they use the container alone.
+Preparation workers, and robots that segment, build thousands of graphs. Without this module they would have to load
+large libraries and keep them in memory, only to use a container.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""A graph in a file: a PyG `Data` as plain tensors in safetensors format, nothing executable, restored bit for bit.
+"""A graph in a file: a PyG `Data` as plain tensors in safetensors format, without executable content, restored exactly.
 
-What repeats or fits into fewer bytes is stored once and narrow: integers (and floats that hold small integers) in the
-smallest dtype that gives every value back; of `edge_index` only the first half where the second is the first one
-reversed; of `edge_attr` the second half only in the columns where the two directions differ; `edge_label_index` not at
-all where it is that first half. The metadata says what was done, so reading undoes exactly that.
+Redundant values are stored once, in the smallest dtype: integers (and floats with small integer values) in the smallest
+dtype that restores every value; only the first half of `edge_index` if the second is its reverse; the second half of
+`edge_attr` only in the columns where the two directions differ; `edge_label_index` not at all if it equals the first
+half of `edge_index`. The metadata records these steps, so that reading can undo them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The tensors of one graph with the names they have in PyG's `Data`: what the networks of this package read."""
+"""The tensors of one graph, named as in PyG's `Data`: the input of the networks of this package."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Another system's segmentations, as the label images that it left in a folder."""
+"""Segmentations of another system, read from a folder of label images."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Label maps in little space: runs of equal pixels, compressed, as plain bytes."""
+"""Compact label maps: runs of equal pixels, compressed to plain bytes."""
 
 from __future__ import annotations
 

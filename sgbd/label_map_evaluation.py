@@ -1,4 +1,4 @@
-"""Scores of methods that give a label map and nothing else: classical baselines, other systems' label images."""
+"""Scores of methods that only provide a label map: classical baselines and label images of other systems."""
 
 from __future__ import annotations
 

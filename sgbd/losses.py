@@ -1,4 +1,4 @@
-"""What training minimises over the supervised pairs."""
+"""Training losses over the supervised pairs."""
 
 from __future__ import annotations
 

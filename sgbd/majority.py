@@ -1,4 +1,4 @@
-"""The instance that a superpixel belongs to: its label in training, and where the oracle puts it."""
+"""The majority instance of a superpixel, which defines its training label and its place in the oracle."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Node features beyond those of every graph: a block of columns, the mean of some image planes over each superpixel.
+"""Extra node features: a block of columns, each the mean of an image plane over a superpixel.
 
-The columns of `sgbd.features` are cheap and part of every graph. A block is costly or needs weights of its own, so it
-is computed only for models that ask for its group, kept beside the graphs (`sgbd.node_block_cache`), and appended to
-their columns.
+The columns of `sgbd.features` are cheap and part of every graph. A block is expensive or needs its own weights. It is
+therefore computed only for models that use its group, stored beside the graphs (`sgbd.node_block_cache`), and appended
+to their columns.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A block of node features beside prepared graphs: added without preparing them again, resumable, and never stale.
+"""Cached blocks of node features beside prepared graphs: added without preparing them again, resumable, never stale.
 
 Layout, in the folder of the graphs' recipe (see `sgbd.preparation`)::
 
@@ -7,9 +7,9 @@ Layout, in the folder of the graphs' recipe (see `sgbd.preparation`)::
                                                                      /<split>/<name>.safetensors   x [N, M] of a frame
                                                                      /<split>/index.json           written last
 
-Another block, other weights or other code have another hash. A file holds the fingerprint of the frame that its graph
-was made from, and the index that of all frames of the split: if frames change and their graphs are made anew, so are
-their blocks. The superpixels are those of the graphs.
+Another block, other weights or other code have a different hash. Each file stores the fingerprint of the frame of its
+graph, and the index stores the fingerprint of all frames of the split. If frames change and their graphs are rebuilt,
+their blocks are rebuilt too. The superpixels are those of the graphs.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Trained networks as ONNX models, to be checked against PyTorch before they are written."""
+"""Trained networks as ONNX models, which are checked against PyTorch before they are written."""
 
 from __future__ import annotations
 

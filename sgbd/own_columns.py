@@ -1,7 +1,7 @@
-"""Feature columns of a graph builder's own, after those that every graph has.
+"""Feature columns that a graph builder appends to those of every graph.
 
-A builder that adds columns to `x` or `edge_attr` names them in its attributes `node_columns` and `edge_columns`. They
-are no group to be chosen or left out: whoever takes the builder takes its columns.
+A builder that adds columns to `x` or `edge_attr` names them in its attributes `node_columns` and `edge_columns`. These
+columns form no group that could be selected or left out: they always come with the builder.
 """
 
 from __future__ import annotations

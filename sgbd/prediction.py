@@ -1,4 +1,4 @@
-"""Segmenting frames that nobody labelled: which files are frames, and the files that a segmentation becomes."""
+"""Segmentation of unlabelled frames: finding the input files, and writing the results."""
 
 from __future__ import annotations
 

@@ -1,18 +1,19 @@
-"""Preparation: the frames of a split to graph files, in parallel, resumable, and never stale.
+"""Preparation of graphs: turns the frames of a split into graph files, in parallel, resumable, and never stale.
 
 Layout of a cache::
 
     <root>/<dataset>-<hash of the recipe>/recipe.json     what the graphs were made with (`sgbd.recipe`)
                                          /<split>.lock    held while the split is prepared
-                                         /<split>/<name>.safetensors    one graph a frame (`sgbd.graph_file`)
+                                         /<split>/<name>.safetensors    one graph per frame (`sgbd.graph_file`)
                                          /<split>/index.json            written last: the split is complete
 
-Why it is never stale: another dataset, configuration or code has another hash and thus another folder. Within a folder,
-the index holds the fingerprint of all frames of its split (names, sizes and modification times of their files), and
-every graph that of its own frame. If the first still holds, nothing needs doing; if not, the index is taken away and
-the graphs of changed frames are made anew. As graphs and index are replaced atomically, a process killed at any moment
-leaves only whole graphs behind, and the next run makes those that are missing. Graphs of frames that are gone stay in
-the folder, in case they come back; only what the index names counts.
+Why a cache is never stale: another dataset, configuration or code has a different hash and thus a different folder.
+Within a folder, the index stores the fingerprint of all frames of its split (names, sizes and modification times of
+their files), and every graph stores the fingerprint of its own frame. If the fingerprint in the index still matches,
+nothing is done. Otherwise the index is removed, and the graphs of changed frames are built again. Graphs and index are
+replaced atomically: a process that is killed at any moment leaves only whole graphs behind, and the next run builds the
+missing ones. Graphs of removed frames stay in the folder, in case the frames come back; only graphs that the index
+lists count.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""python -m sgbd.prepare: make the superpixel graphs of a dataset, once, and say where they are."""
+"""python -m sgbd.prepare: build and cache the superpixel graphs of a dataset, and print their folder."""
 
 from __future__ import annotations
 

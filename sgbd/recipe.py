@@ -1,4 +1,4 @@
-"""The recipe of prepared graphs: all that they depend on apart from the frames' contents, as one JSON and its hash."""
+"""The recipe of prepared graphs: everything they depend on except the contents of the frames, as JSON with its hash."""
 
 from __future__ import annotations
 

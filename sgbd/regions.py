@@ -1,7 +1,7 @@
-"""What one pass over the pixels tells of every superpixel, and of every border between two.
+"""Statistics of every superpixel and of every border between two, from one pass over the pixels.
 
-The pass exists twice: as compiled loops, which run wherever Numba is installed, and as NumPy expressions, which run
-elsewhere and against which the tests hold the loops.
+The pass is implemented twice: as compiled loops, used wherever Numba is installed, and as NumPy expressions, used
+elsewhere and as the reference in the tests of the loops.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Label maps with other ids: how superpixels become regions, segments or instances in the image."""
+"""Relabelled label maps: superpixels as regions, segments or instances in the image."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""python -m sgbd.report: everything a run or a sweep found out, on one page to read and to send."""
+"""python -m sgbd.report: all results of a run or a sweep on one page, to read and to share."""
 
 from __future__ import annotations
 

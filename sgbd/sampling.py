@@ -1,4 +1,4 @@
-"""Which pairs of superpixels of a batch of graphs are trained on."""
+"""Samplers of the superpixel pairs to train on, within a batch of graphs."""
 
 from __future__ import annotations
 

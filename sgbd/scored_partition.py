@@ -1,7 +1,8 @@
-"""Many partitions of one validation graph under many rules of what an object is, each thing computed once.
+"""Many partitions of one validation graph under many object rules, with nothing computed twice.
 
-A search over thresholds meets the same partition of a frame, and in it the same objects, again and again. What depends
-on the partition alone (contingency table, areas, objectness) is kept with it, and the scores with the set of objects.
+A search over thresholds meets the same partition of a frame, and the same objects in it, again and again. Everything
+that depends on the partition alone (contingency table, areas, objectness) is stored with it, and the scores are stored
+with the set of objects.
 """
 
 from __future__ import annotations

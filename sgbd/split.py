@@ -1,4 +1,4 @@
-"""python -m sgbd.split: divide a dataset in TOD's layout into seen and unseen categories and their frames."""
+"""python -m sgbd.split: split the categories and frames of a dataset in TOD's layout into seen and unseen."""
 
 from __future__ import annotations
 

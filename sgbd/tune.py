@@ -1,4 +1,4 @@
-"""python -m sgbd.tune: choose the thresholds of a trained model anew, and calibrate its scores."""
+"""python -m sgbd.tune: tune the thresholds of a trained model and calibrate its scores on validation frames."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Thresholds chosen on validation frames: where edges merge, and from when a segment is an object."""
+"""Thresholds chosen on validation frames: when edges merge, and when a segment is an object."""
 
 from __future__ import annotations
 
