@@ -1,4 +1,4 @@
-"""Classical methods to compare with: a frame in, a label map out, nothing learned."""
+"""Classical methods for comparison: a frame in, a label map out, without learning."""
 
 from sgbd.baselines.baseline import Baseline
 from sgbd.baselines.felzenszwalb import Felzenszwalb

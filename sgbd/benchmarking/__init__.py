@@ -1,1 +1,1 @@
-"""Measuring speed and memory: every stage of the way from a frame to its objects, and of preparation and training."""
+"""Measurement of speed and memory: every stage from a frame to its objects, preparation and training."""

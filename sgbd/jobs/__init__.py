@@ -1,1 +1,1 @@
-"""Runs as they are configured: the command line, what it makes, jobs in their folders and sweeps of them."""
+"""Configured runs: the command line, what it instantiates, single jobs in their folders, and sweeps."""

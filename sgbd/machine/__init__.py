@@ -1,7 +1,6 @@
-"""What the package asks of the machine: compiled loops, threads, processes, memory, files and a terminal.
+"""What the package uses of the machine: compiled loops, threads, processes, memory, files and a terminal.
 
-- Loops over pixels and edges: `compiled`, and `kept_code` on disk. What they keep lists and sets in: `linked_lists`,
-  `union_find`.
+- Loops over pixels and edges: `compiled`, with `kept_code` on disk. Their lists and sets: `linked_lists`, `union_find`.
 - Threads: `side_by_side`, `one_ahead`, `torch_threads`. Processes: `workers`, `processors`, `one_process_at_a_time`.
 - `reused_memory`, `atomic_file`, `progress_bar`; `availability` of what a machine may lack.
 """

@@ -1,12 +1,12 @@
 """Scores of segmentations, over-segmentations and edge decisions, from NumPy arrays.
 
-- `contingency`: the pixels that each segment shares with each instance, which nearly all scores are computed from.
+- `contingency`: the pixels that each segment shares with each instance; nearly all scores are computed from these.
   `objects`: which segments and instances count as objects.
 - `overlap` and `boundary`: the published precision, recall and F of objects and of their contours. `categories`: the
-  same per category, for seen and unseen ones. `f_measure`: what they are where nothing is predicted or true.
-- `clustering`: adapted Rand error and variation of information, of all regions.
+  same per category, for seen and unseen categories. `f_measure`: their values if nothing is predicted or true.
+- `clustering`: adapted Rand error and variation of information, over all regions.
 - `superpixel` and `oracle`: what an over-segmentation loses. `edges`: decisions on edges.
-- `frame_scores`: all of these of one frame as a row, and the means over frames.
+- `frame_scores`: all these scores of one frame as a row, and their means over frames.
 """
 
 from sgbd.metrics.boundary import BoundaryScores, ContourMap, ContourMatch, boundary_scores, contours, match_contours

@@ -1,11 +1,12 @@
-"""Networks on superpixel graphs: which neighbours to merge, and what is an object.
+"""Networks on superpixel graphs: which neighbours to merge, and which superpixels are objects.
 
-- `edge_classifier`: the interface of all that decide on merging. Start here to write one.
-- `mlp`: every pair on its own, the paper's model. `gated_gcn`: message passing along directed edges. `symmetric_gcn`:
-  the same on undirected edges, at half the cost. `attention`: a graph transformer.
-- `objectness`: which superpixels belong to objects; a head of its own beside the edge classifier.
-- Parts of these: `standardize`, `input_encoder`, `perceptron`, `neighborhood`, `gated_network`.
-- The same results in less time: `gated_messages` in training, `gated_pass` and `in_evaluation` in evaluation.
+- `edge_classifier`: the interface of all edge models. Start here to write your own.
+- `mlp`: classifies every pair separately, as in the paper. `gated_gcn`: message passing along directed edges.
+  `symmetric_gcn`: the same on undirected edges, at half the cost. `attention`: a graph transformer.
+- `objectness`: which superpixels belong to objects; a separate head beside the edge classifier.
+- Building blocks: `standardize`, `input_encoder`, `perceptron`, `neighborhood`, `gated_network`.
+- Faster implementations with the same results: `gated_messages` in training, `gated_pass` and `in_evaluation` in
+  evaluation.
 """
 
 from typing import TYPE_CHECKING, Any

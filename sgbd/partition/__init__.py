@@ -1,10 +1,11 @@
 """Partition of superpixel graphs into segments, from the merge probability of every edge.
 
-- `partitioner`: the interface. `threshold_partitioner` and `edge_weight`: what the partitioners here have in common.
-- `components`: the paper's: all that is linked by edges above a threshold. One wrong edge joins two objects.
+- `partitioner`: the interface. `threshold_partitioner` and `edge_weight`: what these partitioners share.
+- `components`: the paper's partition, the connected components of all edges above a threshold. One wrong edge joins two
+  objects.
 - `multicut`, `average_linkage` and `mutex_watershed`: partitions in which the edges between two segments decide
   together. They share one compiled loop, `contraction`, with its `heap`.
-- `kernighan_lin`: moves superpixels between the segments of a multicut as long as that improves it.
+- `kernighan_lin`: moves superpixels between the segments of a multicut as long as this improves it.
 """
 
 from sgbd.partition.average_linkage import AverageLinkage

@@ -1,13 +1,13 @@
-"""Over-segmentation of a frame: every superpixel a small connected region that should lie in one object.
+"""Over-segmentation of a frame: every superpixel is a small connected region that should lie within one object.
 
-Three methods, each a function of a frame that gives its label map:
+Three methods, each a function from a frame to its label map:
 
-- `slic`: the paper's, with scikit-image: SLIC on the colours and SLIC on the depth, intersected.
+- `slic`: the paper's method, with scikit-image: the intersection of SLIC on colour and SLIC on depth.
 - `slic_fast`: the same in compiled code. It clusters by `local_k_means` on the planes of `feature_planes`.
-- `plane_slic`: colour and depth clustered together by `slanted_planes`, then joined by `region_merging`.
+- `plane_slic`: clusters colour and depth together by `slanted_planes`, then merges by `region_merging`.
 
-All end by connecting what they found and merging what is too small: in NumPy steps in `connect`, in one compiled pass
-in `fragments`.
+All methods end by making superpixels connected and merging those that are too small: in NumPy steps in `connect`, or in
+one compiled pass in `fragments`.
 """
 
 from sgbd.superpixels.connect import connected_regions, intersect, merge_fragments
