@@ -19,7 +19,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
 from sgbd.jobs.command_help import command_help
-from sgbd.jobs.misspelled_keys import suggestions
+from sgbd.jobs.misspelled_keys import other_command, suggestions
 from sgbd.jobs.unreadable_arguments import spellings
 from sgbd.machine.processors import usable_processors
 from sgbd.machine.workers import pythons_start_method
@@ -99,7 +99,11 @@ def entry_point(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Cal
             begun = True
             if isinstance(config.get("trust"), str):
                 config.trust = [config.trust]
+            experiment = HydraConfig.get().runtime.choices.get("experiment")
+            wrong = other_command(config_folder(), config_name, experiment) if experiment else None
             try:
+                if wrong is not None:
+                    raise ConfigurationError(wrong)
                 with pythons_start_method():
                     return task(config)
             except KeyboardInterrupt:

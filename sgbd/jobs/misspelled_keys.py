@@ -10,7 +10,7 @@ from typing import Any
 
 from hydra import compose, initialize_config_dir
 from hydra.errors import HydraException
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 
 _CHOICE = re.compile(r"\+?(?P<group>[A-Za-z_]\w*)=\w+")
 _OVERRIDE = re.compile(r"(?P<key>[A-Za-z_][\w./]*)(@[\w.]+)?=")
@@ -25,9 +25,15 @@ def suggestions(folder: Path, config_name: str, arguments: Sequence[str]) -> lis
         arguments: Of the command line.
 
     Returns:
-        A sentence for every unknown key that is like a known one. What is added (+key) or removed (~key), and keys of
+        A sentence for every unknown key that is like a known one, or only one for an experiment that was made for
+        another command. What is added (+key) or removed (~key), and keys of
         Hydra's own, are passed over.
     """
+    for argument in arguments:
+        key, _, experiment = argument.partition("=")
+        wrong = other_command(folder, config_name, experiment) if key == "+experiment" else None
+        if wrong is not None:
+            return [wrong]
     choices = [argument for argument in arguments if _is_choice(folder, argument)]
     with initialize_config_dir(str(folder.resolve()), version_base="1.3"):
         try:
@@ -44,6 +50,46 @@ def suggestions(folder: Path, config_name: str, arguments: Sequence[str]) -> lis
         nearest = difflib.get_close_matches(key, known, n=1, cutoff=0.7)
         told += [f"{key} is no key of this command; did you mean {nearest[0]}?" for _ in nearest]
     return told
+
+
+def other_command(folder: Path, config_name: str, experiment: str) -> str | None:
+    """Say so if an experiment sets keys that this command does not have, as it was made for another.
+
+    Hydra lets an experiment add any key, so that the command would run without it and do something else.
+
+    Args:
+        folder: Folder of the configuration.
+        config_name: The configuration of the command.
+        experiment: The experiment that was chosen.
+
+    Returns:
+        A sentence; None if the command has all keys, or the experiment does not lie in `folder`.
+    """
+    file = folder / "experiment" / f"{experiment}.yaml"
+    if not file.is_file():
+        return None
+    commands = {other.stem: _top_keys(other) for other in folder.glob("*.yaml")}
+    # A key that no command has is the experiment's own.
+    asked = _top_keys(file) & set().union(*commands.values())
+    lacking = sorted(asked - commands[config_name])
+    if not lacking:
+        return None
+    right = sorted(f"python -m sgbd.{name}" for name, keys in commands.items() if asked <= keys)
+    return (
+        f"experiment={experiment} sets {', '.join(lacking)}, which python -m sgbd.{config_name} does not have. "
+        f"It is an experiment of {' or '.join(right) or 'another command'}."
+    )
+
+
+def _top_keys(file: Path) -> set[str]:
+    """Return the first level of a configuration's keys, with its groups and what it sweeps."""
+    config = OmegaConf.load(file)
+    assert isinstance(config, DictConfig)
+    groups = {str(group) for entry in config.get("defaults", []) if isinstance(entry, DictConfig) for group in entry}
+    groups = {group.removeprefix("override").strip(" /") for group in groups}
+    swept = OmegaConf.select(config, "hydra.sweeper.params") or {}
+    keys = {str(key).partition(".")[0] for key in (*config, *swept)}
+    return {key for key in keys | groups if key not in ("defaults", "hydra") and not key.startswith("hydra/")}
 
 
 def _is_choice(folder: Path, argument: str) -> bool:
