@@ -3,11 +3,11 @@
 Three methods, each a function from a frame to its label map:
 
 - `slic`: the paper's method, with scikit-image: the intersection of SLIC on colour and SLIC on depth.
-- `slic_fast`: the same in compiled code. It clusters by `local_k_means` on the planes of `feature_planes`.
-- `plane_slic`: clusters colour and depth together by `slanted_planes`, then merges by `region_merging`.
+- `slic_fast`: the same in compiled code. It clusters the planes of `feature_planes` with `local_k_means`.
+- `plane_slic`: clusters colour and depth together with `slanted_planes`, then merges regions with `region_merging`.
 
-All methods end by making superpixels connected and merging those that are too small: in NumPy steps in `connect`, or in
-one compiled pass in `fragments`.
+Every method splits its labels into connected regions and merges those that are too small: `fragments` does this in one
+compiled pass, `connect` in separate NumPy steps.
 """
 
 from sgbd.superpixels.connect import connected_regions, intersect, merge_fragments

@@ -1,4 +1,4 @@
-"""Turning any label map into superpixels: connected regions that are not too small."""
+"""Turn any label map into superpixels: connected regions that are not too small."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from sgbd.adjacency import LabelMap, border_lengths
 
 
 def intersect(first: npt.NDArray[np.integer], second: npt.NDArray[np.integer]) -> npt.NDArray[np.int64]:
-    """Combine two over-segmentations: pixels stay together that are together in both.
+    """Intersect two over-segmentations: two pixels share an id if they share one in both.
 
     Args:
         first: int [H, W], ids from 0.
@@ -22,7 +22,7 @@ def intersect(first: npt.NDArray[np.integer], second: npt.NDArray[np.integer]) -
 
 
 def connected_regions(labels: npt.NDArray[np.integer]) -> LabelMap:
-    """Give every 4-connected region of equal labels an id of its own.
+    """Give every 4-connected region of equal labels its own id.
 
     Args:
         labels: int [H, W], any ids >= 0.
@@ -30,7 +30,7 @@ def connected_regions(labels: npt.NDArray[np.integer]) -> LabelMap:
     Returns:
         int32 [H, W], ids 0..N-1 in raster order of each region's first pixel.
     """
-    from skimage.measure import label  # here, for nobody else to wait for it
+    from skimage.measure import label  # imported on use: it loads slowly
 
     return (label(labels, background=-1, connectivity=1) - 1).astype(np.int32)
 
@@ -38,15 +38,15 @@ def connected_regions(labels: npt.NDArray[np.integer]) -> LabelMap:
 def merge_fragments(label_map: LabelMap, min_size: int) -> LabelMap:
     """Merge every region under `min_size` pixels into the neighbour with which it shares the longest border.
 
-    Ties go to the larger neighbour, then to the smaller id. Regions that grow together out of fragments alone are
-    looked at again, until no fragment is left or one region covers the image.
+    Ties go to the larger neighbour, then to the smaller id. If fragments that merged with each other are still too
+    small, another round follows, until no fragment is left or one region covers the image.
 
     Args:
         label_map: int32 [H, W], ids 0..N-1, each one 4-connected region.
-        min_size: Pixels a region needs to stay.
+        min_size: Smallest region to keep, pixels.
 
     Returns:
-        int32 [H, W] of the same form.
+        int32 [H, W], a label map of the same form.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -72,7 +72,7 @@ def merge_fragments(label_map: LabelMap, min_size: int) -> LabelMap:
 
 
 def renumber(labels: npt.NDArray[np.integer]) -> LabelMap:
-    """Number ids 0..N-1 in the raster order of their first pixel.
+    """Renumber ids as 0..N-1 in raster order of their first pixel.
 
     Args:
         labels: int [H, W], any ids >= 0.
@@ -82,7 +82,7 @@ def renumber(labels: npt.NDArray[np.integer]) -> LabelMap:
     """
     flat = labels.ravel()
     first = np.full(int(flat.max(initial=-1)) + 1, flat.size)
-    # Written back to front, so that the first pixel of every id is what stays.
+    # Written from the last pixel to the first, so that the first pixel of each id overwrites the others.
     first[flat[::-1]] = np.arange(flat.size - 1, -1, -1)
     new = np.empty(len(first), np.int32)
     new[np.argsort(first, kind="stable")] = np.arange(len(first), dtype=np.int32)

@@ -1,4 +1,4 @@
-"""What SLIC compares pixels by: planes of Lab colours and of scaled depth, smoothed, from compiled loops.
+"""The planes in which SLIC compares pixels: smoothed Lab colours and scaled depth, computed by compiled loops.
 
 Source of the conversion: IEC 61966-2-1 (sRGB) and CIE 15 (L*a*b*, D65), as `skimage.color.rgb2lab` has them.
 """
@@ -16,20 +16,20 @@ _XYZ = np.array([[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169],
 TO_XYZ = (_XYZ / np.array([[0.95047], [1.0], [1.08883]])).astype(np.float32)
 
 TRUNCATE = 3.0
-"""The Gaussian ends at so many times its width."""
+"""The Gaussian is cut off at this many standard deviations."""
 
 FARTHEST = 65535
-"""Depth is clipped here, millimetres: what a 16-bit depth image can hold."""
+"""Depth is clipped here, millimetres: the largest value of a 16-bit depth image."""
 
 
 def linear_intensities(rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
-    """Tabulate the linear intensity of the 256 values of a channel, after the image is stretched to its full range.
+    """Tabulate the linear intensity of the 256 values of a channel, after stretching the image to its full range.
 
     Args:
         rgb: uint8 [H, W, 3].
 
     Returns:
-        float32 [256], in [0, 1] for values that occur.
+        float32 [256], in [0, 1] for values that occur in the image.
     """
     low, high = int(rgb.min()), int(rgb.max())
     value = np.clip((np.arange(256) - low) / max(high - low, 1), 0, 1)
@@ -37,7 +37,7 @@ def linear_intensities(rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
 
 
 def gaussian_weights(sigma: float) -> npt.NDArray[np.float32]:
-    """Return one half of a Gaussian, float32 [radius + 1], from its centre outwards; the whole sums to 1."""
+    """Return one half of a Gaussian, float32 [radius + 1], from its centre outwards; the whole kernel sums to 1."""
     radius = int(TRUNCATE * sigma + 0.5)
     weights = np.exp(-0.5 * (np.arange(radius + 1) / max(sigma, 1e-6)) ** 2)
     return (weights / (weights[0] + 2 * weights[1:].sum())).astype(np.float32)
@@ -59,8 +59,8 @@ def write_lab(
         rgb: uint8 [H, W, 3].
         intensities: float32 [256], from `linear_intensities`.
         to_xyz: float32 [3, 3], `TO_XYZ`.
-        scale: float32, what L, a and b are multiplied by.
-        scratch: float32 [4, W] to work in.
+        scale: float32, factor by which L, a and b are multiplied.
+        scratch: float32 [4, W], work space.
         planes: float32 [3, H, W], written in the rows `first` to `last` - 1.
         first: First row of the band.
         last: Row after the band.
@@ -70,12 +70,12 @@ def write_lab(
     )
 
 
-# Division by zero gives infinity, as in NumPy: a check for it would keep the loops from becoming vector instructions.
+# Division by zero gives infinity, as in NumPy: checking for it would prevent vectorisation of the loops.
 @compiled(error_model="numpy")
 def _write_lab(  # type: ignore[no-untyped-def]
     rgb, intensities, to_xyz, scale, scratch, bits, planes, guesses, first, last
 ):
-    """The loop of `write_lab`; `bits` and `guesses` are the last row of `scratch`, and `planes`, as integers."""
+    """The loop of `write_lab`. `bits` is the last row of `scratch`, and `guesses` is `planes`, both viewed as int32."""
     width = rgb.shape[1]
     red, green, blue, tristimulus = scratch[0], scratch[1], scratch[2], scratch[3]
     third, toe = np.float32(1 / 3), np.float32(0.008856)
@@ -89,8 +89,8 @@ def _write_lab(  # type: ignore[no-untyped-def]
             from_red, from_green, from_blue = to_xyz[axis, 0], to_xyz[axis, 1], to_xyz[axis, 2]
             for k in range(width):
                 tristimulus[k] = from_red * red[k] + from_green * green[k] + from_blue * blue[k]
-            # The cube root: a third of a float's bits, read as an integer, is a guess within 6 %; one step of Halley's
-            # method brings it within 2e-4. In loops of their own, both become vector instructions.
+            # Cube root: the bits of a float, read as an integer and divided by 3, give a guess within 6 %. One step of
+            # Halley's method brings it within 2e-4. The two steps are separate loops so that both are vectorised.
             roots, guess = planes[axis, row], guesses[axis, row]
             for k in range(width):
                 guess[k] = np.int32(np.float32(bits[k]) * third) + np.int32(0x2A5137A0)
@@ -111,13 +111,13 @@ def _write_lab(  # type: ignore[no-untyped-def]
 def write_depth(depth, percentile, scale, histogram, planes):  # type: ignore[no-untyped-def]
     """Clip depth at a percentile and stretch it to [0, 1] over its valid pixels.
 
-    The percentile is taken to the millimetre, from a histogram, which needs no sorting.
+    The percentile is exact to the millimetre. It comes from a histogram, which needs no sorting.
 
     Args:
         depth: float32 [H, W], metres, 0 = missing.
         percentile: Percentile of the valid pixels, 0 to 100.
-        scale: float32, what the stretched depth z is multiplied by.
-        histogram: int32 [FARTHEST + 1] of zeros to work in.
+        scale: float32, factor by which the stretched depth z is multiplied.
+        histogram: int32 [FARTHEST + 1] of zeros, work space.
         planes: float32 [3, H, W], written: w z, w and 0, where w is 1 for valid pixels and 0 for missing ones.
     """
     height, width = depth.shape
@@ -129,7 +129,7 @@ def write_depth(depth, percentile, scale, histogram, planes):  # type: ignore[no
             histogram[millimeters] += 1
             if 0 < meters < nearest:
                 nearest = meters
-    # Bin 0 holds the missing pixels, and any so near that they would be missing in a 16-bit image.
+    # Bin 0 holds the missing pixels, and any that are so near that a 16-bit image would round them to 0.
     rank = percentile / 100 * (height * width - histogram[0])
     passed, millimeters = 0, 0
     while passed < rank:
@@ -149,12 +149,12 @@ def write_depth(depth, percentile, scale, histogram, planes):  # type: ignore[no
 
 @compiled
 def smooth(planes, weights, padded, smoothed, first, last):  # type: ignore[no-untyped-def]
-    """Smooth a band of rows with a Gaussian; the image continues as its own mirror image.
+    """Smooth a band of rows with a separable Gaussian; beyond its rim the image is mirrored.
 
     Args:
         planes: float32 [3, H, W].
         weights: float32 [radius + 1], from `gaussian_weights`.
-        padded: float32 [W + 2 radius] to work in.
+        padded: float32 [W + 2 radius], work space.
         smoothed: float32 [3, H, W], written in the rows `first` to `last` - 1.
         first: First row of the band.
         last: Row after the band.
@@ -164,6 +164,7 @@ def smooth(planes, weights, padded, smoothed, first, last):  # type: ignore[no-u
     line = padded[radius : radius + width]
     for row in range(first, last):
         for plane in range(count):
+            # Smooth down the columns into `line`, the middle of `padded`.
             source = planes[plane, row]
             for k in range(width):
                 line[k] = weights[0] * source[k]
@@ -175,6 +176,7 @@ def smooth(planes, weights, padded, smoothed, first, last):  # type: ignore[no-u
                 )
                 for k in range(width):
                     line[k] += weight * (above[k] + below[k])
+            # Pad that row with its mirror image, and smooth along it.
             for offset in range(1, radius + 1):
                 padded[radius - offset] = line[_mirror(-offset, width)]
                 padded[radius + width - 1 + offset] = line[_mirror(width - 1 + offset, width)]
@@ -190,20 +192,21 @@ def smooth(planes, weights, padded, smoothed, first, last):  # type: ignore[no-u
 
 @compiled
 def _mirror(index, length):  # type: ignore[no-untyped-def]
+    """Return the index in 0 to `length` - 1 to which mirroring at the rim maps an index; the rim pixel is repeated."""
     while index < 0 or index >= length:
         index = -1 - index if index < 0 else 2 * length - 1 - index
     return index
 
 
 def unweighted(smoothed: Planes, planes: Planes) -> Planes:
-    """Undo what smoothing does to depth beside missing pixels: divide the mean of w z by the mean of w.
+    """Remove the effect of missing pixels on smoothed depth: divide the mean of w z by the mean of w.
 
     Args:
         smoothed: The smoothed planes of `write_depth`.
         planes: The planes before smoothing.
 
     Returns:
-        float32 [3, H, W]: w z, w and 0 with the smoothed z and the old w.
+        float32 [3, H, W]: w z, w and 0 with the smoothed z and the original w.
     """
     result = planes.copy()
     np.divide(smoothed[0], smoothed[1], out=result[0], where=planes[1] > 0)

@@ -1,6 +1,6 @@
-"""Connection of an intersection and merging of its fragments, in one compiled pass over the pixels.
+"""Connect the intersection of two label maps and merge its fragments, in one compiled pass over the pixels.
 
-Without Numba the functions of `sgbd.superpixels.connect` do it, a step at a time, with the same result.
+Without Numba, the functions of `sgbd.superpixels.connect` do the same step by step, with the same result.
 """
 
 from __future__ import annotations
@@ -14,24 +14,24 @@ from sgbd.machine.union_find import find_root
 from sgbd.repaint import repaint
 from sgbd.superpixels.connect import connected_regions, intersect, merge_fragments
 
-# What is known of a group of pieces: its pixels, and the box around them, the last row and column inside.
+# Columns of `facts`, one row per piece: its number of pixels and its bounding box, last row and column included.
 PIXELS, TOP, BOTTOM, LEFT, RIGHT = range(5)
 
 PIXELS_A_PIECE, FEW_PIECES = 16, 1024
-"""Room is made for a piece in so many pixels, and for so many pieces at the least; where they are more, for more."""
+"""Initial capacity: one piece per so many pixels, and at least this many pieces. It grows if there are more pieces."""
 
 
 def connected_superpixels(first: npt.NDArray[np.int32], second: npt.NDArray[np.int32], min_size: int) -> LabelMap:
-    """Intersect two over-segmentations, connect the result and merge its fragments.
+    """Intersect two over-segmentations, split the result into connected pieces and merge its fragments.
 
-    Fragments go to the neighbour with the longest border. One pass finds the pieces by union-find, with their areas and
-    boxes. Fragments are small, so that their borders are then looked up in their boxes alone, and the image is not
-    passed over again until the superpixels are painted.
+    A fragment is merged into the neighbour with the longest common border. One pass over the image finds the pieces by
+    union-find, with their areas and bounding boxes. As fragments are small, their borders are then looked up inside
+    their boxes alone; the image is not traversed again until the superpixels are painted.
 
     Args:
         first: int32 [H, W], any ids.
         second: int32 [H, W], any ids.
-        min_size: Pixels a superpixel needs to stay.
+        min_size: Smallest superpixel to keep, pixels.
 
     Returns:
         int32 [H, W], ids 0..N-1 in raster order of their first pixel, each one 4-connected region.
@@ -56,25 +56,28 @@ def connected_superpixels(first: npt.NDArray[np.int32], second: npt.NDArray[np.i
         if len(fragments) == 0 or len(roots) == 1:
             break
         _merge_round(pieces, groups, facts, fragments, parents, np.empty_like(groups), np.zeros_like(groups))
-    # A root is the first of its group in raster order.
+    # The root of a group is its first piece in raster order, so the new ids are in raster order too.
     return repaint(pieces, np.searchsorted(roots, groups))
 
 
 @compiled
 def _find_pieces(first, second, runs, pieces, parents, facts):  # type: ignore[no-untyped-def]
-    """Number the pieces in raster order; where two turn out to be connected, join them in `parents`.
+    """Number the pieces in raster order; if two turn out to be connected, join them in `parents`.
+
+    Each row is cut into runs of pixels that are equal in both label maps. A run joins every overlapping run above it
+    that has the same labels, or starts a new piece.
 
     Args:
         first: int32 [H, W].
         second: int32 [H, W].
-        runs: int64 [2, 2, W + 1] to work in: of two rows by turns, the runs of pixels that are alike, where each ends
-            and its piece.
-        pieces: int32 [H, W], written.
-        parents: int64 [limit], written.
-        facts: int64 [limit, 5], written.
+        runs: int64 [2, 2, W + 1], work space: for the current and the previous row, alternating, the end (exclusive)
+            and the piece of each run.
+        pieces: int32 [H, W], written: the piece of each pixel.
+        parents: int64 [limit], written: the union-find parent of each piece.
+        facts: int64 [limit, 5], written: see the columns above.
 
     Returns:
-        The number of pieces; one above the limit says that they did not fit.
+        The number of pieces, or limit + 1 if they did not fit.
     """
     height, width = first.shape
     count, limit = np.int64(0), len(parents)
@@ -82,7 +85,7 @@ def _find_pieces(first, second, runs, pieces, parents, facts):  # type: ignore[n
     for row in range(height):
         ends, numbers = runs[row & 1, 0], runs[row & 1, 1]
         ends_above, numbers_above = runs[1 - (row & 1), 0], runs[1 - (row & 1), 1]
-        # Found without a branch: where the next pixel is another.
+        # Find the ends of the runs without a branch: the next end overwrites `ends[found]` until the label changes.
         found = np.int64(0)
         ones, twos = first[row], second[row]
         for column in range(width - 1):
@@ -90,12 +93,15 @@ def _find_pieces(first, second, runs, pieces, parents, facts):  # type: ignore[n
             found += (ones[column] != ones[column + 1]) | (twos[column] != twos[column + 1])
         ends[found] = width
         found += 1
+        # Invariant: the current run is [start, end), and `above` is the first run of the row above that ends after
+        # `start`. While `piece` equals `count`, the current run has not joined any piece.
         start, above = np.int64(0), np.int64(0)
         for run in range(found):
             end, piece = ends[run], count
             one, two = ones[start], twos[start]
-            # Join it with what is alike above it; the last run above may go on above the next one, too.
+            # Join the run with equal runs above it. A run above that ends beyond `end` also touches the next run.
             while above < runs_above:
+                # The first column in which the run above lies over this one.
                 begin = start if above == 0 or ends_above[above - 1] < start else ends_above[above - 1]
                 if first[row - 1, begin] == one and second[row - 1, begin] == two:
                     other = numbers_above[above]
@@ -129,7 +135,10 @@ def _find_pieces(first, second, runs, pieces, parents, facts):  # type: ignore[n
 
 @compiled
 def _gather(parents, facts, groups):  # type: ignore[no-untyped-def]
-    """Name every piece by the root of its group, and bring what is known of the pieces together there."""
+    """Write the root of every piece into `groups`, and combine the areas and boxes of a group at its root.
+
+    A piece whose facts were moved to its root has 0 pixels, so that they are not added twice.
+    """
     for piece in range(len(parents)):
         root = find_root(parents, piece)
         groups[piece] = root
@@ -145,18 +154,19 @@ def _gather(parents, facts, groups):  # type: ignore[no-untyped-def]
 
 @compiled
 def _merge_round(pieces, groups, facts, fragments, parents, met, border):  # type: ignore[no-untyped-def]
-    """Join every fragment with the neighbour with the longest border.
+    """Join every fragment with the neighbour with the longest common border.
 
-    All of a round look at the groups as they were before it, so that their order changes nothing.
+    All fragments of a round see the groups as they were before the round, so the order of the fragments does not
+    matter.
 
     Args:
-        pieces: int32 [H, W].
+        pieces: int32 [H, W], the piece of each pixel.
         groups: int64 [count], the root of each piece before the round.
-        facts: int64 [count, 5], of each root.
-        fragments: int64 [F], roots.
-        parents: int64 [count], written.
-        met: int64 [count] to work in.
-        border: int64 [count] of zeros to work in; zeros again at the end.
+        facts: int64 [count, 5], the area and box of each root.
+        fragments: int64 [F], roots of the groups to merge.
+        parents: int64 [count], union-find parents; changed.
+        met: int64 [count], work space: the neighbours found for a fragment.
+        border: int64 [count] of zeros, work space: the length of the border with each group; zeros again on return.
     """
     height, width = pieces.shape
     for fragment in fragments:
@@ -167,7 +177,7 @@ def _merge_round(pieces, groups, facts, fragments, parents, met, border):  # typ
                 if groups[pieces[row, column]] != fragment:
                     continue
                 for side in range(4):
-                    # Above, below, left and right.
+                    # Sides 0 to 3: above, below, left, right.
                     r = row + (side == 1) - (side == 0)
                     c = column + (side == 3) - (side == 2)
                     if r < 0 or r >= height or c < 0 or c >= width:
@@ -192,7 +202,7 @@ def _merge_round(pieces, groups, facts, fragments, parents, met, border):  # typ
 
 @compiled
 def _join(parents, one, other):  # type: ignore[no-untyped-def]
-    """Join two groups under the root that comes first in raster order, and return it."""
+    """Join two groups under the root that comes first in raster order, and return that root."""
     one, other = find_root(parents, one), find_root(parents, other)
     if other < one:
         one, other = other, one

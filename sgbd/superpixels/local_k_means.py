@@ -1,14 +1,14 @@
-"""The clustering at the heart of SLIC, in compiled code: k-means in which a pixel sees only the centres around it.
+"""Compiled local k-means, the clustering of SLIC: a pixel is compared only with the centres around it.
 
-An image is given as *planes*, float32 [3, H, W]: what a pixel is compared by, already divided by the compactness. The
-centres start on a grid of cells, and a pixel considers the centres of the 3 x 3 cells around its own. The squared
-distance of pixel p to centre c,
+An image is given as *planes*, float32 [3, H, W]: the features of its pixels, already divided by the compactness.
+Centres start on a grid of cells, and a pixel considers the centres of the 3 x 3 cells around its own. The squared
+distance of pixel p to centre c is
 
-    w_p |f_p - f_c|^2 + |x_p - x_c|^2 / step^2,
+    w_p |f_p - f_c|^2 + |x_p - x_c|^2 / step^2.
 
-loses nothing for comparing centres when the terms that depend on p alone are dropped. What is left is *linear* in the
-planes and in the position, so a centre is six coefficients (its *form*), and the loop over the pixels of a cell has
-nothing in it but multiplications and additions of neighbouring floats: compilers turn it into vector instructions.
+Terms that depend on p alone do not change which centre is nearest and are dropped. The rest is *linear* in the planes
+and in the position. A centre is therefore stored as six coefficients (its *form*), and the loop over the pixels of a
+cell only multiplies and adds contiguous floats, which compilers turn into vector instructions.
 
 Source: Achanta et al., SLIC superpixels compared to state-of-the-art superpixel methods, TPAMI 2012,
 DOI 10.1109/TPAMI.2012.120.
@@ -27,17 +27,17 @@ from sgbd.machine.compiled import compiled
 Planes = npt.NDArray[np.float32]
 """float32 [3, H, W]. Colours: L, a, b. Depth: w z, w and 0, where w is 1 for valid pixels and 0 for missing ones."""
 
-# What a pixel is compared by, and what a centre is: three features, and the position in pixels.
+# Rows of `values` (pixels) and columns of `centers`: three features in 0 to 2, then the position in pixels.
 ROW, COLUMN, CENTER = 3, 4, 5
 
-# The coefficients of a form: of the three features and the position, in the same order, and of 1.
+# Columns of `forms`: the coefficients of the three features and of the position, in the same order, and the constant.
 CONSTANT, FORM = 5, 6
 
 BATCH = 512
-"""Pixels that are compared with their nine centres at a time: as many as stay in the fastest cache."""
+"""Number of pixels compared with their nine centres at a time: as many as fit in the fastest cache."""
 
 FAR = np.float32(1e4)
-"""Squared distance of a valid pixel to a centre that knows no depth: farther than any centre that does."""
+"""Squared distance of a valid pixel to a centre without depth: farther than any centre that has depth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +47,8 @@ class Cells:
     Attributes:
         tops: int64 [rows + 1], first image row of each row of cells, then the image height.
         lefts: int64 [columns + 1], first image column of each column of cells, then the image width.
-        step: Side of a square of a cell's area, pixels: the unit of distances in the image.
-        near: int32 [cells, 9], the cells around each and itself. At the rim of the grid some come twice.
+        step: Side of a square with the area of a cell, pixels: the unit of distances in the image.
+        near: int32 [cells, 9], each cell and the eight around it. At the rim of the grid, some are repeated.
     """
 
     tops: npt.NDArray[np.int64]
@@ -59,12 +59,12 @@ class Cells:
     @classmethod
     @lru_cache(maxsize=16)
     def grid(cls, height: int, width: int, n_segments: int) -> Cells:
-        """Cut an image into about `n_segments` cells, as square as can be; at the most one a pixel.
+        """Divide an image into about `n_segments` cells, as square as possible, at most one per pixel.
 
         Args:
             height: Rows of the image, pixels.
             width: Columns of the image, pixels.
-            n_segments: Cells asked for.
+            n_segments: Requested number of cells.
 
         Returns:
             The cells.
@@ -92,11 +92,11 @@ class Cells:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """The pixels on which the centres are found, cell after cell.
+    """The pixels from which the centres are computed, sorted by cell.
 
     Attributes:
         pixels: int64 [M], indices into the flattened image.
-        offsets: int64 [cells + 1], where the samples of each cell begin, then M.
+        offsets: int64 [cells + 1], index of the first sample of each cell, then M.
         positions: float32 [2, M], row and column, pixels.
     """
 
@@ -107,13 +107,13 @@ class Samples:
     @classmethod
     @lru_cache(maxsize=16)
     def of(cls, cells: Cells, subsample: int, across: int = 8) -> Samples:
-        """Take every so many rows and columns of an image.
+        """Sample an image on a regular grid of pixels.
 
         Args:
             cells: The cells of the image.
-            subsample: Distance between samples, pixels. Small cells are sampled more densely, or their means would be
-                of a handful of pixels.
-            across: Samples that a cell has from side to side at the least, if it has as many pixels.
+            subsample: Distance between samples, pixels. Small cells are sampled more densely; otherwise their means
+                would be taken over a handful of pixels.
+            across: Minimum number of samples from side to side of a cell, if it has that many pixels.
 
         Returns:
             The samples.
@@ -133,12 +133,12 @@ def cluster(planes: Planes, cells: Cells, weighted: bool, iterations: int, subsa
     """Find the cluster centres of an image.
 
     Args:
-        planes: What pixels are compared by.
+        planes: The features of the pixels.
         cells: Where the centres start.
-        weighted: Whether the planes are those of depth, with a weight, rather than those of colour.
-        iterations: Rounds of assignment and update. With 0 every centre is the mean of its cell.
-        subsample: Only every so many rows and columns are looked at. The centres hardly change, and the time falls
-            with the square.
+        weighted: True if the planes are those of depth, with a weight; False if they are colours.
+        iterations: Rounds of assignment and update. With 0, every centre is the mean of its cell.
+        subsample: Use only every `subsample`-th row and column. The centres hardly change, and the time falls with the
+            square.
 
     Returns:
         float32 [cells, 6], the *forms* of the centres, for `assign`.
@@ -147,7 +147,8 @@ def cluster(planes: Planes, cells: Cells, weighted: bool, iterations: int, subsa
     values = np.empty((CENTER, len(samples.pixels)), np.float32)
     values[ROW:] = samples.positions
     _pick(planes.reshape(3, -1), samples.pixels, values)
-    # A centre without features stays where it started. That its second plane is 0 tells _expand that it knows no depth.
+    # A centre that gets no valid samples stays where it started. Its second feature, the mean weight, is then still 0,
+    # which tells _expand that it has no depth.
     centers = np.zeros((len(cells), CENTER), np.float32)
     centers[:, ROW:] = cells.centers
     forms = np.empty((len(cells), FORM), np.float32)
@@ -161,6 +162,7 @@ def cluster(planes: Planes, cells: Cells, weighted: bool, iterations: int, subsa
 
 @compiled
 def _pick(planes, pixels, values):  # type: ignore[no-untyped-def]
+    """Copy the features of the sampled pixels into the first three rows of `values`."""
     for plane in range(3):
         for k in range(len(pixels)):
             values[plane, k] = planes[plane, pixels[k]]
@@ -170,11 +172,27 @@ def _pick(planes, pixels, values):  # type: ignore[no-untyped-def]
 def _cluster(  # type: ignore[no-untyped-def]
     values, offsets, near, scale, weighted, iterations, labels, sums, distances, centers, forms
 ):
+    """Alternate between updating the centres and assigning each sample to the nearest of nine centres.
+
+    Args:
+        values: float32 [5, M], features and position of the samples, sorted by cell.
+        offsets: int64 [cells + 1], index of the first sample of each cell, then M.
+        near: int32 [cells, 9], see `Cells`.
+        scale: float32, 1 / step^2.
+        weighted: Whether the second feature is a weight, see `cluster`.
+        iterations: Number of rounds.
+        labels: int32 [M], initially the cell of each sample; overwritten with its nearest centre.
+        sums: float64 [cells, 6], work space.
+        distances: float32 [9, samples of the largest cell], work space.
+        centers: float32 [cells, 5], initial centres; overwritten with the final ones.
+        forms: float32 [cells, 6], written: the final centres as coefficients.
+    """
     _update(values, labels, weighted, sums, centers)
     _expand(centers, scale, weighted, forms)
     for _ in range(iterations):
         for cell in range(len(near)):
             first, last = offsets[cell], offsets[cell + 1]
+            # Positions of samples are relative to the image corner; offsets[0] is an integer 0 of the right type.
             _nearest_of_nine(values, first, offsets[0], offsets[0], near[cell], forms, distances, labels[first:last])
         _update(values, labels, weighted, sums, centers)
         _expand(centers, scale, weighted, forms)
@@ -182,11 +200,12 @@ def _cluster(  # type: ignore[no-untyped-def]
 
 @compiled
 def _update(values, labels, weighted, sums, centers):  # type: ignore[no-untyped-def]
-    """Move every centre to the mean of its samples that have features; one without any stays."""
+    """Move every centre to the mean of its valid samples; a centre without any stays where it is."""
     for center in range(len(centers)):
         for k in range(CENTER + 1):
             sums[center, k] = 0.0
     for sample in range(len(labels)):
+        # Samples without depth pull no centre.
         if weighted and values[1, sample] == 0:
             continue
         total = sums[labels[sample]]
@@ -201,7 +220,7 @@ def _update(values, labels, weighted, sums, centers):  # type: ignore[no-untyped
 
 @compiled
 def _expand(centers, scale, weighted, forms):  # type: ignore[no-untyped-def]
-    """Expand the squared distance to each centre into its coefficients, without what depends on the pixel alone."""
+    """Expand the squared distance to each centre into its coefficients, without terms of the pixel alone."""
     for center in range(len(centers)):
         row, column = centers[center, ROW], centers[center, COLUMN]
         first, second, third = centers[center, 0], centers[center, 1], centers[center, 2]
@@ -210,8 +229,8 @@ def _expand(centers, scale, weighted, forms):  # type: ignore[no-untyped-def]
         form[CONSTANT] = (row * row + column * column) * scale
         form[0] = np.float32(-2) * first
         if weighted:
-            # w (z - z_c)^2 = w z^2 - 2 z_c (w z) + z_c^2 w. The mean weight of a centre's samples is 1, as only valid
-            # ones count; it is 0 in a centre that never had one.
+            # w (z - z_c)^2 = w z^2 - 2 z_c (w z) + z_c^2 w, where the planes are w z and w. Only valid samples enter
+            # the mean, so `second`, the mean weight, is 1; it is 0 for a centre that never had a valid sample.
             form[1] = first * first if second > 0 else FAR
             form[2] = np.float32(0)
         else:
@@ -221,14 +240,14 @@ def _expand(centers, scale, weighted, forms):  # type: ignore[no-untyped-def]
 
 @lru_cache(maxsize=16)
 def batches(cells: Cells, first: int, last: int) -> npt.NDArray[np.int64]:
-    """Cut cells into the rectangles that `assign` works on: as many whole rows of a cell as there is room for.
+    """Divide cells into the rectangles that `assign` processes: as many whole rows of a cell as fit into a batch.
 
-    One long loop over some rows of a cell costs less than a short one for each.
+    One long loop over several rows of a cell costs less than a short loop for each row.
 
     Args:
         cells: The cells of the image.
         first: First row of cells.
-        last: The row of cells after the last.
+        last: Row of cells after the last.
 
     Returns:
         int64 [B, 5]: the cell, and the rectangle's first row, first column, number of rows and width, pixels.
@@ -238,7 +257,7 @@ def batches(cells: Cells, first: int, last: int) -> npt.NDArray[np.int64]:
     count = -(-heights[first:last, None] // room)
     cell = np.repeat(np.arange(first * len(widths), last * len(widths)), count.ravel())
     row, column = np.divmod(cell, len(widths))
-    # The batches of a cell, counted from 0.
+    # Number of each batch within its cell, from 0.
     number = np.arange(len(cell)) - np.repeat(np.cumsum(count) - count.ravel(), count.ravel())
     top = cells.tops[row] + number * room[column]
     rows = np.minimum(room[column], cells.tops[row + 1] - top)
@@ -246,22 +265,22 @@ def batches(cells: Cells, first: int, last: int) -> npt.NDArray[np.int64]:
 
 
 def _room(cells: Cells) -> int:
-    """Pixels that are worked on at a time, at least one row of the widest cell."""
+    """Return the capacity of a batch in pixels: at least one row of the widest cell."""
     return max(BATCH, int(np.diff(cells.lefts).max()))
 
 
 def work_space(
     cells: Cells, channels: int = CENTER
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.int32]]:
-    """Allocate what one thread needs in `assign`.
+    """Allocate the work space of one thread for `assign`.
 
     Args:
         cells: The cells of the image.
-        channels: Numbers C that a pixel is compared by, its place included.
+        channels: Number C of values that a pixel is compared by, including its position.
 
     Returns:
-        For the pixels of a batch, what they are compared by, float32 [C, B], their distances, float32 [9, B], and what
-        they are labelled, int32 [B].
+        For the B pixels of a batch: their values, float32 [C, B], their distances to nine centres, float32 [9, B], and
+        their labels, int32 [B].
     """
     room = _room(cells)
     return np.empty((channels, room), np.float32), np.empty((9, room), np.float32), np.empty(room, np.int32)
@@ -269,22 +288,23 @@ def work_space(
 
 @compiled
 def assign(planes, batches, near, forms, values, distances, found, labels):  # type: ignore[no-untyped-def]
-    """Give every pixel of some cells the nearest of the nine centres around it.
+    """Label every pixel of some cells with the nearest of the nine centres around it.
 
     Args:
-        planes: float32 [3, H, W], what pixels are compared by.
-        batches: int64 [B, 5], the pixels, from `batches`.
+        planes: float32 [3, H, W], the features of the pixels.
+        batches: int64 [B, 5], the rectangles of pixels to label, from `batches`.
         near: int32 [cells, 9], see `Cells`.
         forms: float32 [cells, 6], the centres, from `cluster`.
         values: float32 [5, room], from `work_space`.
         distances: float32 [9, room], from `work_space`.
         found: int32 [room], from `work_space`.
-        labels: int32 [H, W], written where the pixels are: the index of the nearest centre.
+        labels: int32 [H, W], written inside the rectangles: the index of the nearest centre.
     """
     filled = np.int64(0)
     for k in range(len(batches)):
         batch = batches[k]
         cell, top, left, rows, width = batch[0], batch[1], batch[2], batch[3], batch[4]
+        # Positions are relative to the rectangle's corner, so they change only when the width does.
         if width != filled:
             write_places(width, values[ROW], values[COLUMN])
             filled = width
@@ -295,7 +315,7 @@ def assign(planes, batches, near, forms, values, distances, found, labels):  # t
 
 @compiled
 def write_places(width, row, column):  # type: ignore[no-untyped-def]
-    """Write the place of every pixel of a batch, told from its corner, so that all of one width have the same."""
+    """Write the row and column of every pixel of a batch, relative to its corner; batches of one width share them."""
     for k in range(len(row) // width):
         for k_column in range(width):
             row[k * width + k_column] = k
@@ -304,8 +324,8 @@ def write_places(width, row, column):  # type: ignore[no-untyped-def]
 
 @compiled
 def gather(planes, top, rows, left, width, values):  # type: ignore[no-untyped-def]
-    """Copy a rectangle of every plane into one line each of `values`."""
-    # Unsigned indices need no check for counting from the end, which would keep the loops from being vectors.
+    """Copy a rectangle of each plane into the row of `values` with the same index, flattened."""
+    # Unsigned indices cannot be negative, so Numba omits the wrap-around check that would prevent vectorisation.
     for plane in range(len(planes)):
         target, source = values[plane], planes[plane]
         for k in range(rows):
@@ -316,7 +336,7 @@ def gather(planes, top, rows, left, width, values):  # type: ignore[no-untyped-d
 
 @compiled
 def scatter(found, top, rows, left, width, labels):  # type: ignore[no-untyped-def]
-    """Copy what was found for a rectangle, in one line, to its place in the image."""
+    """Copy the flattened labels of a rectangle to its place in the image."""
     for k in range(rows):
         target, source = labels[top + k, left : left + width], found[k * width : (k + 1) * width]
         for column in range(width):
@@ -325,9 +345,10 @@ def scatter(found, top, rows, left, width, labels):  # type: ignore[no-untyped-d
 
 @compiled
 def _nearest_of_nine(values, begin, top, left, near, forms, distances, labels):  # type: ignore[no-untyped-def]
-    """Give as many pixels as there are `labels`, from `begin` on in `values`, the nearest of nine centres.
+    """Label pixels with the nearest of nine centres.
 
-    Rows and columns in `values` are counted from `top` and `left`.
+    The pixels are columns `begin` to `begin + len(labels) - 1` of `values`. Their rows and columns are relative to
+    `top` and `left`; adding these to the constant of each centre makes up for it.
     """
     count = len(labels)
     p, q, r = values[0, begin : begin + count], values[1, begin : begin + count], values[2, begin : begin + count]
@@ -344,15 +365,15 @@ def _nearest_of_nine(values, begin, top, left, near, forms, distances, labels): 
 
 @compiled
 def least_of_nine(distances, near, labels):  # type: ignore[no-untyped-def]
-    """Label pixels by the nearest of nine centres.
+    """Label each pixel with the nearest of nine centres.
 
     Args:
-        distances: float32 [9, B], of as many pixels as there are labels at the least.
+        distances: float32 [9, B], with B >= M.
         near: int32 [9], the centres.
-        labels: int32 [M], written. Of centres that are equally near the first wins.
+        labels: int32 [M], written. If several centres are equally near, the first wins.
     """
     count = len(labels)
-    # Nine times the same: only when it is written out do compilers make vector instructions of it.
+    # Unrolled by hand: compilers vectorise the comparison only in this form.
     c0, d0 = near[0], distances[0]
     c1, d1 = near[1], distances[1]
     c2, d2 = near[2], distances[2]

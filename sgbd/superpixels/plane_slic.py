@@ -1,4 +1,4 @@
-"""Superpixels for merging: slanted planes of even colour, as few as the scene allows."""
+"""Superpixels of even colour on slanted planes, merged until a scene has as few of them as it allows."""
 
 from __future__ import annotations
 
@@ -21,31 +21,32 @@ from sgbd.superpixels.slic import Slic
 from sgbd.superpixels.slic_fast import say_that_numba_is_missing
 
 SPECK = 8
-"""Connected pieces under so many pixels join a neighbour before regions are compared: they are noise."""
+"""Connected pieces under this many pixels are noise: they join a neighbour before regions are compared."""
 
 
 class PlaneSlic:
-    """One over-segmentation by colour, position and surface, fine at first, then merged where nothing is lost.
+    """One over-segmentation by colour, position and surface: fine at first, then merged where nothing is lost.
 
-    Colour and depth are clustered together: a centre is a mean colour, a place and a plane in space (see
-    `slanted_planes`). Its connected pieces are then merged, the most alike first (see `region_merging`), as long as
-    that costs next to nothing. So a table or a wall is a few superpixels, and clutter gets many. Missing depth is
-    compared by colour and place alone. No intrinsics are needed.
+    Colour and depth are clustered together: a centre is a mean colour, a position and a plane in space (see
+    `slanted_planes`). The connected pieces of the clusters are then merged, most similar first (see `region_merging`),
+    as long as a merge costs next to nothing. So a table or a wall becomes a few superpixels, and clutter gets many.
+    Pixels with missing depth are compared by colour and position alone. Intrinsics are not needed.
 
-    The result does not depend on the number of threads. Without Numba, scikit-image's SLIC stands in.
+    The result does not depend on the number of threads. Without Numba, scikit-image's SLIC is used instead.
 
     Args:
-        n_segments: Superpixels at the most, but for what the image needs to stay connected; even scenes get fewer.
-        tolerance: What merging two regions may cost, whatever their number, in pixels: the increase of their squared
-            error, in units of `compactness` for colours and of `depth_noise` for depth. 0: always `n_segments`.
-        n_cells: Centres to start with.
+        n_segments: Maximum number of superpixels; even scenes get fewer.
+        tolerance: Two regions are merged if this raises the squared error of their pixels by at most this much, even
+            when there are no more than `n_segments` regions. Colour errors are in units of `compactness`, depth errors
+            in units of `depth_noise`. With 0, merging stops at `n_segments`.
+        n_cells: Number of centres to start with.
         compactness: Difference in Lab that counts as much as the distance between two centres.
-        rgb_sigma: Width of the Gaussian that smooths the colours, pixels.
-        depth_noise: Noise of the depth at one metre, metres. At z metres it is z^2 times as much.
-        min_size: Pixels a superpixel needs to stay.
+        rgb_sigma: Standard deviation of the Gaussian that smooths the colours, pixels.
+        depth_noise: Noise of the depth at one metre, metres. At z metres it is z^2 times as large.
+        min_size: Smallest superpixel to keep, pixels; smaller ones are merged into a neighbour.
         iterations: Rounds of assignment and update of the centres.
-        subsample: The centres are found on every so many rows and columns.
-        threads: Threads to work in. None: as many as there are processors to run on, at most 2.
+        subsample: The centres are computed from every `subsample`-th row and column.
+        threads: Number of threads. None: one per usable processor, at most 2.
 
     Raises:
         ValueError: If a number is out of its range.
@@ -99,7 +100,7 @@ class PlaneSlic:
             int32 [H, W], ids 0..N-1 in raster order of their first pixel, each id one 4-connected region.
         """
         if not HAS_NUMBA:
-            # The intersection of its two maps has about three times as many superpixels as each.
+            # Slic intersects two maps, which gives about three times as many superpixels as each map has.
             return Slic(max(1, self.n_segments // 3), min_size=self.min_size)(frame)
         threads = thread_count(self.threads)
         planes = self._planes(frame, threads)
@@ -108,7 +109,7 @@ class PlaneSlic:
         return merge_alike(pieces, planes, self.n_segments, self.tolerance, self.min_size, threads)
 
     def _planes(self, frame: Frame, threads: int) -> npt.NDArray[np.float32]:
-        """Return what pixels are compared by, float32 [4, H, W]: smoothed L, a, b and inverse depth, in their units."""
+        """Return the features of the pixels, float32 [4, H, W]: smoothed L, a, b and inverse depth, in their units."""
         height, width = frame.height, frame.width
         rows = bands(height, threads)
         planes = reused("slanted", (PLANES, height, width), np.float32)
@@ -134,7 +135,7 @@ class PlaneSlic:
         return planes
 
     def _nearest_centers(self, planes: npt.NDArray[np.float32], threads: int) -> npt.NDArray[np.int32]:
-        """Cluster the pixels, and return the nearest centre of each, int32 [H, W]; the next call reuses its memory."""
+        """Cluster the pixels and return the nearest centre of each, int32 [H, W]; the next call reuses the array."""
         _, height, width = planes.shape
         cells = Cells.grid(height, width, self.n_cells)
         forms = cluster(planes, cells, self.iterations, self.subsample, threads)

@@ -1,9 +1,10 @@
-"""Merging of neighbouring regions, the most alike first: Ward's hierarchical clustering on the region adjacency graph.
+"""Merge neighbouring regions, most similar first: Ward's hierarchical clustering on the region adjacency graph.
 
-A region is a plane of inverse depth and a mean colour. What it costs to merge two is by how much the squared error of
-their pixels rises: for the colours n m / (n + m) |f - g|^2, for the depth the error of one plane for both minus the
-errors of a plane each. So large, flat, even surfaces grow together, and small regions that stand out stay. Everything
-is computed from sums over the pixels of a region, which add up when regions merge; the image is not looked at again.
+A region is described by its mean colour and a plane of inverse depth. Merging two regions costs the increase in the
+squared error of their pixels. For regions of n and m pixels with mean colours f and g, the colour part of the cost is
+n m / (n + m) |f - g|^2. The depth part is the error of one plane fitted to both regions, minus the errors of their own
+planes. So large, flat, evenly coloured surfaces grow together, and small regions that stand out remain. All costs are
+computed from sums over the pixels of a region. These sums add up when regions merge, so the image is read only once.
 
 Sources: Ward, Hierarchical grouping to optimize an objective function, JASA 1963, DOI 10.1080/01621459.1963.10500845;
 Haris et al., Hybrid image segmentation using watersheds and fast region merging, TIP 1998, DOI 10.1109/83.730380.
@@ -23,10 +24,11 @@ from sgbd.machine.side_by_side import side_by_side
 from sgbd.repaint import repaint
 from sgbd.superpixels.slanted_planes import DISPARITY, plane_fit
 
-# Sums over a region: its pixels and their colours, then over those with depth what a plane needs, and d d.
+# Columns of `sums`, one row per region: 0 the number of pixels, 1 to 3 the sums of L, a and b. The columns from _DEPTH
+# on cover only pixels with depth: the nine sums that `plane_fit` needs, then in _SQUARES the sum of d d.
 _DEPTH, _SQUARES, _SUMS = 4, 13, 14
 
-# How a region looks: its mean colour, and the squared error of its plane.
+# Columns of `looks`, one row per region: 0 to 2 the mean colour, _ERROR the squared error of the fitted plane.
 _ERROR = 3
 
 
@@ -38,28 +40,28 @@ def merge_alike(
     min_size: int,
     threads: int = 1,
 ) -> LabelMap:
-    """Merge neighbouring regions, always the two whose merging costs least.
+    """Merge neighbouring regions, always the pair whose merge costs least.
 
-    It goes on while merging costs no more than `tolerance` or there are more than `n_segments` regions. Then what is
-    smaller than `min_size` is merged with the neighbour for which that costs least.
+    Merging continues while the cheapest merge costs at most `tolerance` or more than `n_segments` regions are left.
+    Then each region smaller than `min_size` is merged with the neighbour for which that costs least.
 
     Args:
         label_map: int32 [H, W], ids 0..N-1 in raster order of their first pixel, each one 4-connected region.
         planes: float32 [4, H, W]: L, a, b over the compactness, and inverse depth over its noise, 0 = missing.
-        n_segments: Regions at the most.
-        tolerance: Squared error that counts for nothing.
-        min_size: Pixels a region needs to stay.
-        threads: Threads to work in; the result does not depend on it.
+        n_segments: Maximum number of regions.
+        tolerance: Merges that raise the squared error by at most this are always made.
+        min_size: Pixels a region needs so as not to be merged as a fragment.
+        threads: Number of threads; it does not affect the result.
 
     Returns:
-        int32 [H, W] of the same form.
+        int32 [H, W], a label map of the same form.
     """
     count = int(label_map.max()) + 1
-    # A planar graph has fewer than three edges a node.
+    # A planar graph has fewer than three edges per node, and each edge has two ends.
     ends = np.empty(6 * count, np.int32)
     table = np.full(1 << int(8 * count).bit_length(), -1, np.int32)
     sums = np.zeros((count, _SUMS))
-    # Every sum is taken by one thread in the order of the pixels.
+    # One thread computes each sum, in pixel order, so the result does not depend on the number of threads.
     _, edges = side_by_side(
         [
             partial(_sum_depth, label_map, planes[DISPARITY], sums),
@@ -73,14 +75,14 @@ def merge_alike(
         sums, ends, n_segments, tolerance, min_size,
         parents, met, half_edges, np.empty((count, 4)), np.empty(_SUMS - _DEPTH), np.empty(edges), heap, heap.copy(),
     )  # fmt: skip
-    # A root is the first of its group in raster order.
+    # The root of a group is its first region in raster order, so the new ids are in raster order too.
     roots = np.flatnonzero(parents == np.arange(count))
     return repaint(label_map, np.searchsorted(roots, parents))
 
 
 @compiled
 def _sum_depth(label_map, disparity, sums):  # type: ignore[no-untyped-def]
-    """Sum up what a plane needs over the pixels of every region.
+    """Sum what a plane fit needs over the pixels of every region.
 
     Args:
         label_map: int32 [H, W].
@@ -92,8 +94,8 @@ def _sum_depth(label_map, disparity, sums):  # type: ignore[no-untyped-def]
         y = np.float64(row)
         column = 0
         while column < width:
-            # Sums of floats grow pixel by pixel, which is their order whatever the runs; those of places are whole
-            # numbers, which can be summed in any order.
+            # Process one run of equal labels. The float sums continue from the region's totals, pixel by pixel, so the
+            # order of additions does not depend on the runs. The sums of coordinates are integers, exact in any order.
             label = np.int64(label_map[row, column])
             level, down, right, squares = (
                 sums[label, _DEPTH + 6],
@@ -125,17 +127,17 @@ def _sum_depth(label_map, disparity, sums):  # type: ignore[no-untyped-def]
 
 @compiled
 def _sum_colors_and_pair(label_map, planes, table, ends, sums):  # type: ignore[no-untyped-def]
-    """Sum up the pixels of every region and their colours, and pair the regions that share a border.
+    """Count the pixels of every region, sum their colours, and find the pairs of regions that share a border.
 
     Args:
         label_map: int32 [H, W].
         planes: float32 [4, H, W].
-        table: int32 [a power of two] of -1 to work in: a hash table of edges.
-        ends: int32 [2 * edges at the most], written: the two ends of each edge.
+        table: int32 [a power of two] of -1, used as a hash table of edges, see `_add`.
+        ends: int32 [at least 2 E], written: the two regions of each edge, smaller id first.
         sums: float64 [N, 14] of zeros; the first _DEPTH columns are written.
 
     Returns:
-        The number of edges.
+        The number of edges E.
     """
     height, width = label_map.shape
     edges = np.int64(0)
@@ -158,7 +160,7 @@ def _sum_colors_and_pair(label_map, planes, table, ends, sums):  # type: ignore[
             if row > 0:
                 for k in range(first, column):
                     above = np.int64(label_map[row - 1, k])
-                    # Borders run on for many pixels: what was met last is most often met again.
+                    # Borders are many pixels long, so the previous pair usually repeats: skip the hash lookup then.
                     if above != label and not (above == last_above and label == last_below):
                         edges = _add(table, ends, edges, above, label)
                         last_above, last_below = above, label
@@ -167,7 +169,10 @@ def _sum_colors_and_pair(label_map, planes, table, ends, sums):  # type: ignore[
 
 @compiled
 def _add(table, ends, edges, one, other):  # type: ignore[no-untyped-def]
-    """Add an edge unless it is there, and return how many there are."""
+    """Add the edge between two regions unless it exists, and return the new number of edges.
+
+    `table` is a hash table with linear probing: a slot holds the index of an edge, or -1 if it is free.
+    """
     if other < one:
         one, other = other, one
     last = len(table) - 1
@@ -186,25 +191,26 @@ def _add(table, ends, edges, one, other):  # type: ignore[no-untyped-def]
 def _merge(  # type: ignore[no-untyped-def]
     sums, ends, n_segments, tolerance, min_size, parents, met, half_edges, looks, union, costs, heap, places
 ):
-    """Merge regions.
+    """Merge regions until the stopping criterion of `merge_alike` holds.
 
-    The edges of a region are a linked list of *half edges*: half edge h belongs to region ends[h], its edge is
-    h // 2, and h ^ 1 is its other half. All edges wait in a heap, the cheapest on top; `places` knows where each is.
+    The edges of a region are a linked list of *half edges*. Half edge h belongs to region ends[h]; its edge is h // 2
+    and its other half is h ^ 1, so ends[h ^ 1] is the neighbour. A binary heap holds the edges, cheapest on top;
+    `places[e]` is the position of edge e in the heap, or -1 once it was taken out.
 
     Args:
-        sums: float64 [N, 14], of each region; overwritten.
-        ends: int32 [2 E at the least]; overwritten.
-        n_segments: Regions at the most.
-        tolerance: Cost that counts for nothing.
-        min_size: Pixels a region needs to stay.
-        parents: int64 [N], the regions themselves, 0 to N - 1; then the root of each: the smallest id of its group.
-        met: int64 [N] of -1 to work in.
-        half_edges: N empty lists of 2 E items to work in: the half edges of each region.
-        looks: float64 [N, 4] to work in: the mean colour of each region, and the squared error of its plane.
-        union: float64 [10] to work in: the sums of two regions that a plane needs.
-        costs: float64 [E] to work in.
-        heap: int64 [E], 0 to E - 1, to work in.
-        places: int64 [E], 0 to E - 1, to work in.
+        sums: float64 [N, 14], the sums of each region; overwritten.
+        ends: int32 [at least 2 E]; overwritten.
+        n_segments: Maximum number of regions.
+        tolerance: Merges that cost at most this are always made.
+        min_size: Pixels a region needs so as not to be merged as a fragment.
+        parents: int64 [N], initially 0 to N - 1; on return the root of each region: the smallest id of its group.
+        met: int64 [N] of -1, work space: marks the neighbours of the region that stays, see `_take_over_edges`.
+        half_edges: N empty lists of 2 E items, filled with the half edges of each region.
+        looks: float64 [N, 4], work space: the mean colour of each region, and the squared error of its plane.
+        union: float64 [10], work space: the depth sums of two regions together.
+        costs: float64 [E], work space: the cost of each edge.
+        heap: int64 [E], initially 0 to E - 1.
+        places: int64 [E], initially 0 to E - 1.
     """
     count, edges = len(parents), len(costs)
     heads, after, _ = half_edges
@@ -219,6 +225,8 @@ def _merge(  # type: ignore[no-untyped-def]
         _sink(heap, places, costs, waiting, place)
     left = count
     only_fragments = False
+    # Invariant: every edge in the heap joins two different remaining regions, no two edges join the same pair, and
+    # costs and sums describe the regions as merged so far.
     while waiting > 0:
         edge = heap[0]
         keep, gone = np.int64(ends[2 * edge]), np.int64(ends[2 * edge + 1])
@@ -228,6 +236,7 @@ def _merge(  # type: ignore[no-untyped-def]
             continue
         unlink(half_edges, keep, 2 * edge)
         unlink(half_edges, gone, 2 * edge + 1)
+        # The smaller id stays, so that the root of a group is its first region in raster order.
         if gone < keep:
             keep, gone = gone, keep
         parents[gone] = keep
@@ -236,6 +245,7 @@ def _merge(  # type: ignore[no-untyped-def]
             sums[keep, k] += sums[gone, k]
         _judge(sums, keep, looks)
         waiting = _take_over_edges(ends, half_edges, met, keep, gone, costs, heap, places, waiting)
+        # The merged region has a new colour and plane: update the cost and heap position of all its waiting edges.
         half = heads[keep]
         while half >= 0:
             edge = half // 2
@@ -245,17 +255,18 @@ def _merge(  # type: ignore[no-untyped-def]
                 _sink(heap, places, costs, waiting, places[edge])
             half = after[half]
     for region in range(count):
-        # A parent has the smaller id, so that its own root is known by now.
+        # A parent has a smaller id, so its root is already known.
         parents[region] = parents[parents[region]]
 
 
 @compiled(inline="always")
 def _take_over_edges(ends, half_edges, met, keep, gone, costs, heap, places, waiting):  # type: ignore[no-untyped-def]
-    """Give a region that stays the edges of one that goes, and return how many edges wait in the heap then.
+    """Give the edges of region `gone` to region `keep`, and return how many edges are left in the heap.
 
-    A neighbour of both keeps the edge that it has with the region that stays; its other edge is taken out.
+    If a region is a neighbour of both, it keeps its edge with `keep`; its edge with `gone` is removed.
     """
     heads, after, _ = half_edges
+    # Mark the neighbours of the region that stays. The marks are cleared again at the end.
     half = heads[keep]
     while half >= 0:
         met[ends[half ^ 1]] = keep
@@ -281,7 +292,7 @@ def _take_over_edges(ends, half_edges, met, keep, gone, costs, heap, places, wai
 
 @compiled(inline="always")
 def _judge(sums, region, looks):  # type: ignore[no-untyped-def]
-    """Write the mean colour of a region and the squared error of its plane."""
+    """Write the mean colour of a region and the squared error of its plane into `looks`, from its sums."""
     for k in range(3):
         looks[region, k] = sums[region, 1 + k] / sums[region, 0]
     if sums[region, _DEPTH] > 0:
@@ -292,7 +303,7 @@ def _judge(sums, region, looks):  # type: ignore[no-untyped-def]
 
 @compiled(error_model="numpy")
 def _cost(sums, looks, union, one, other):  # type: ignore[no-untyped-def]
-    """By how much the squared error rises when two regions merge; regions without depth are compared by colour."""
+    """Return the increase in squared error if two regions merge; without depth in both, only colour counts."""
     first, second = sums[one], sums[other]
     n, m = first[0], second[0]
     apart = 0.0
@@ -313,6 +324,7 @@ def _remove(heap, places, costs, waiting, edge):  # type: ignore[no-untyped-def]
     """Take an edge out of the heap, and return how many are left."""
     place = places[edge]
     waiting -= 1
+    # The last edge of the heap fills the gap, then moves to where its cost belongs.
     moved = heap[waiting]
     places[edge] = -1
     if place < waiting:
@@ -324,6 +336,7 @@ def _remove(heap, places, costs, waiting, edge):  # type: ignore[no-untyped-def]
 
 @compiled(inline="always")
 def _rise(heap, places, costs, place):  # type: ignore[no-untyped-def]
+    """Move the edge at a place up the heap until its parent costs no more than it does."""
     edge = heap[place]
     while place > 0:
         above = (place - 1) // 2
@@ -336,6 +349,7 @@ def _rise(heap, places, costs, place):  # type: ignore[no-untyped-def]
 
 @compiled
 def _sink(heap, places, costs, waiting, place):  # type: ignore[no-untyped-def]
+    """Move the edge at a place down the heap until neither child costs less than it does."""
     edge = heap[place]
     while 2 * place + 1 < waiting:
         below = 2 * place + 1

@@ -1,15 +1,16 @@
-"""Local k-means whose centres are slanted planes: SLIC that knows what a surface is.
+"""Local k-means whose centres are slanted planes: SLIC with a model of surfaces.
 
-In inverse depth, a plane in space is an *affine* function of the image position, whatever the camera, and the noise of
-a triangulating sensor is the same everywhere, where in metres it grows with the square. So a centre has a mean colour,
-a mean position and a plane d = A + B row + C column of inverse depth, fitted to its pixels by least squares, and the
-squared distance of a pixel to it is
+A plane in space is an *affine* function of the image position in inverse depth, whatever the camera. The noise of a
+triangulating sensor is also the same everywhere in inverse depth, while in metres it grows with the square of the
+distance. So a centre has a mean colour, a mean position and a plane d = A + B row + C column of inverse depth, fitted
+to its pixels by least squares. The squared distance of pixel p to centre c is
 
     |f_p - f_c|^2 + |x_p - x_c|^2 / step^2 + v_p min((d_p - A - B row_p - C column_p)^2, cap) + missing (v_p - s_c)^2,
 
-with Lab colours f over the compactness, v = 1 where there is depth and 0 where it is missing, and s_c the share of the
-centre's pixels that its plane was fitted to. Two faces of a box are cut where their planes cross, a slanted table is
-one surface, and quantised depth far away makes no steps. The cap makes the fit robust: pixels farther off take no part.
+with f the Lab colours divided by the compactness, v = 1 for pixels with depth and 0 for those without, and s_c the
+share of the centre's pixels to which its plane was fitted. Two faces of a box are separated where their planes cross, a
+slanted table is one surface, and quantised depth far away makes no steps. The cap makes the fit robust: pixels farther
+from the plane take no part in it.
 
 Sources: Yamaguchi, McAllester, Urtasun, Efficient joint segmentation, occlusion labeling, stereo and flow estimation,
 ECCV 2014, DOI 10.1007/978-3-319-10602-1_49 (slanted planes); Achanta et al., TPAMI 2012, DOI 10.1109/TPAMI.2012.120.
@@ -28,37 +29,38 @@ from sgbd.superpixels import local_k_means
 from sgbd.superpixels.local_k_means import Cells, Samples, gather, least_of_nine, scatter, write_places
 
 DISPARITY, ROW, COLUMN = 3, 4, 5
-"""What a pixel is compared by: L, a, b, the inverse depth (0 = missing), and its place."""
+"""Rows of `values`: L, a, b in 0 to 2, then the inverse depth (0 = missing), and the position in pixels."""
 
 PLANES = 4
-"""The first of them are images."""
+"""The first so many rows of `values` come from images, the `planes`: L, a, b and inverse depth."""
 
-# The coefficients of a centre: of L, a, b and the place, of 1, then its plane (A, B, C), the weight of the distance to
-# it (0 for a centre that knows no depth), and what a pixel with depth costs besides.
+# Columns of `forms`: the coefficients of L, a, b and of the position in 0 to 4, the constant, the plane (A, B, C), the
+# weight of the distance to the plane (0 for a centre without one), and what is added for a pixel with depth.
 CONSTANT, PLANE, WEIGHT, VALID, FORM = 5, 6, 9, 10, 11
 
 CAP = 9.0
-"""Squared distances to a plane end here: at three times the noise."""
+"""Upper limit of the squared distance to a plane: three times the noise."""
 
 RIDGE = 50.0
-"""Penalty of the squared slope of a plane, pixels^2: a handful of noisy pixels has no slope to speak of."""
+"""Penalty on the squared slope of a plane, pixels^2: a handful of noisy pixels does not determine a slope."""
 
 UNKNOWN = 4.0
-"""Squared distance of a pixel with depth to a centre that knows none."""
+"""Squared distance of a pixel with depth to a centre without a plane."""
 
 MISSING = 1.0
 """Weight of the squared difference between a pixel's validity and the share of a centre's pixels on its plane."""
 
 NEAREST = 0.1
-"""Metres. Depth below is compared as if it were this."""
+"""Metres. Smaller depth is treated as this depth."""
 
 ENOUGH = 4
 """Valid samples that a centre needs for a plane."""
 
 ACROSS = 6
-"""Samples from side to side of a cell, at the least: a plane needs more of them than a mean."""
+"""Minimum number of samples from side to side of a cell: a plane needs more of them than a mean."""
 
-# Sums over the samples of a centre: their number, place and colour, then of those with depth what a plane needs.
+# Columns of `sums`, one row per centre: 0 the number of samples, 1 and 2 the sums of row and column, 3 to 5 those of
+# the colours; from _PLANE_SUMS on, over samples with depth, the nine sums that `plane_fit` needs.
 _PLANE_SUMS, _SUMS = 6, 15
 
 
@@ -68,7 +70,7 @@ def write_inverse_depth(depth, scale, plane, first, last):  # type: ignore[no-un
 
     Args:
         depth: float32 [H, W], metres, 0 = missing.
-        scale: float32, what inverse metres are multiplied by.
+        scale: float32, factor by which inverse metres are multiplied.
         plane: float32 [H, W], written in the rows `first` to `last` - 1; 0 = missing.
         first: First row of the band.
         last: Row after the band.
@@ -88,14 +90,14 @@ def cluster(
 ) -> npt.NDArray[np.float32]:
     """Find the slanted planes of an image.
 
-    Every sum is taken by one thread in the order of the samples, so that their number changes nothing.
+    One thread computes each sum, in the order of the samples, so the result does not depend on the number of threads.
 
     Args:
         planes: float32 [4, H, W]: L, a, b over the compactness, and inverse depth over its noise, 0 = missing.
         cells: Where the centres start.
         iterations: Rounds of assignment and update.
-        subsample: Only every so many rows and columns are looked at.
-        threads: Threads to work in.
+        subsample: Use only every `subsample`-th row and column.
+        threads: Number of threads.
 
     Returns:
         float32 [cells, 11], the centres, for `assign`.
@@ -116,7 +118,8 @@ def cluster(
     def update(robust: bool) -> None:
         jobs = []
         for first, last in cell_bands:
-            # Samples have the label of one of the nine centres around them, so those of a band lie at most a row off.
+            # A sample is labelled with one of the nine centres around it, so the samples of a band's centres lie at
+            # most one row of cells outside the band.
             begin, end = offsets[max(first - columns, 0)], offsets[min(last + columns, len(cells))]
             jobs.append(partial(_update, values, labels, begin, end, scale, robust, sums, places, forms, first, last))
         side_by_side(jobs, threads)
@@ -149,6 +152,7 @@ def cluster(
 
 @compiled
 def _pick(planes, pixels, values, first, last):  # type: ignore[no-untyped-def]
+    """Copy the planes of the samples `first` to `last` - 1 into the first rows of `values`."""
     for plane in range(PLANES):
         for k in range(first, last):
             values[plane, k] = planes[plane, pixels[k]]
@@ -156,25 +160,28 @@ def _pick(planes, pixels, values, first, last):  # type: ignore[no-untyped-def]
 
 @compiled
 def _assign_samples(values, offsets, near, forms, distances, labels, first, last):  # type: ignore[no-untyped-def]
-    """Give every sample of the cells `first` to `last` - 1 the nearest of the nine centres around it."""
+    """Label every sample of the cells `first` to `last` - 1 with the nearest of the nine centres around it."""
     for cell in range(first, last):
         begin, end = offsets[cell], offsets[cell + 1]
+        # Positions of samples are relative to the image corner; offsets[0] is an integer 0 of the right type.
         _nearest_plane(values, begin, offsets[0], offsets[0], near[cell], forms, distances, labels[begin:end])
 
 
 @compiled(error_model="numpy")
 def _update(values, labels, begin, end, scale, robust, sums, places, forms, first, last):  # type: ignore[no-untyped-def]
-    """Fit some centres to their samples; one without any stays, and one whose depth is all off keeps its plane.
+    """Fit some centres to their samples.
+
+    A centre without samples stays as it is, and one with too few samples near its plane keeps that plane.
 
     Args:
         values: float32 [6, M], the samples.
-        labels: int32 [M], their centres.
+        labels: int32 [M], the centre of each sample.
         begin: First sample that may belong to one of these centres.
         end: The sample after the last.
         scale: Weight of squared distances in the image.
-        robust: Leave out depth that is beyond the cap for the centre as it is.
-        sums: float64 [cells, 15] to work in.
-        places: float64 [cells, 2], mean row and column; sums are taken relative to the old ones. Written.
+        robust: Leave out depth whose squared distance to the centre's current plane is beyond the cap.
+        sums: float64 [cells, 15], work space.
+        places: float64 [cells, 2], mean row and column of each centre; written. Sums are relative to the old ones.
         forms: float32 [cells, 11], written.
         first: First of the centres.
         last: The centre after the last.
@@ -187,7 +194,7 @@ def _update(values, labels, begin, end, scale, robust, sums, places, forms, firs
 
 @compiled
 def _sum_samples(values, labels, begin, end, robust, places, forms, first, last, sums):  # type: ignore[no-untyped-def]
-    """Sum over the samples of each centre, relative to its place; arguments as of `_update`."""
+    """Sum over the samples of each centre, with positions relative to its place; arguments as in `_update`."""
     for center in range(first, last):
         for k in range(_SUMS):
             sums[center, k] = 0.0
@@ -195,7 +202,7 @@ def _sum_samples(values, labels, begin, end, robust, places, forms, first, last,
         own = np.int64(labels[sample])
         if own < first or own >= last:
             continue
-        # Indexed: to slice the centre's rows for every sample takes longer than the sums.
+        # Indexed in full: slicing the centre's rows for every sample would take longer than the sums.
         y, x = values[ROW, sample] - places[own, 0], values[COLUMN, sample] - places[own, 1]
         sums[own, 0] += 1
         sums[own, 1] += y
@@ -205,6 +212,7 @@ def _sum_samples(values, labels, begin, end, robust, places, forms, first, last,
         sums[own, 5] += values[2, sample]
         d = values[DISPARITY, sample]
         if d > 0:
+            # Distance to the plane before this update.
             off = d - (
                 forms[own, PLANE]
                 + forms[own, PLANE + 1] * values[ROW, sample]
@@ -230,12 +238,13 @@ def _fit_center(total, scale, place, form):  # type: ignore[no-untyped-def]
     Args:
         total: float64 [15], the sums over its samples, of which there is at least one.
         scale: Weight of squared distances in the image.
-        place: float64 [2], its row and column before; written.
+        place: float64 [2], its row and column before the update; overwritten with the new ones.
         form: float32 [11], its coefficients; written.
     """
     count, valid = total[0], total[_PLANE_SUMS]
     if valid >= ENOUGH:
         level, down, right, _ = plane_fit(total[_PLANE_SUMS:], 0.0)
+        # The fit is relative to the old place; A is the plane's value at the image corner.
         form[PLANE] = level - down * place[0] - right * place[1]
         form[PLANE + 1], form[PLANE + 2] = down, right
         form[WEIGHT] = 1
@@ -245,6 +254,8 @@ def _fit_center(total, scale, place, form):  # type: ignore[no-untyped-def]
     share = valid / count
     form[0], form[1], form[2] = -2 * lightness, -2 * a, -2 * b
     form[3], form[4] = -2 * row * scale, -2 * column * scale
+    # The squared distance without terms that depend on the pixel alone. As v^2 = v, of missing (v - s)^2 there remain
+    # the constant missing s^2 and, for pixels with depth, -2 missing s.
     form[CONSTANT] = (
         lightness * lightness + a * a + b * b + (row * row + column * column) * scale + MISSING * share * share
     )
@@ -257,7 +268,7 @@ def plane_fit(sums, squares):  # type: ignore[no-untyped-def]
 
     Args:
         sums: float64 [9], or nine numbers, over the pixels: of 1, y, x, y y, y x, x x, d, d y, d x.
-        squares: Sum of d d, for the fourth result.
+        squares: Sum of d d, used only for the fourth result.
 
     Returns:
         The plane's value where y = x = 0, its slopes along y and x, and the sum of squared distances, penalty included.
@@ -274,31 +285,40 @@ def plane_fit(sums, squares):  # type: ignore[no-untyped-def]
 
 
 def work_space(cells: Cells) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.int32]]:
-    """Allocate what one thread needs in `assign`: values float32 [6, B], distances float32 [9, B], labels int32 [B]."""
+    """Allocate the work space of one thread for `assign`.
+
+    Args:
+        cells: The cells of the image.
+
+    Returns:
+        For the B pixels of a batch: their values, float32 [6, B], their distances to nine centres, float32 [9, B], and
+        their labels, int32 [B].
+    """
     return local_k_means.work_space(cells, PLANES + 2)
 
 
 @compiled
 def assign(planes, batches, near, forms, values, distances, found, labels):  # type: ignore[no-untyped-def]
-    """Give every pixel of some cells the nearest of the nine centres around it.
+    """Label every pixel of some cells with the nearest of the nine centres around it.
 
-    It differs from the function of this name in `local_k_means` in nothing but the distance. That is written out,
-    because Numba keeps no machine code on disk of functions that are given another one.
+    Only the distance differs from `local_k_means.assign`. The function is repeated here because Numba does not cache
+    the machine code of functions that take another function as an argument.
 
     Args:
         planes: float32 [4, H, W], as in `cluster`.
-        batches: int64 [B, 5], the pixels, from `local_k_means.batches`.
+        batches: int64 [B, 5], the rectangles of pixels to label, from `local_k_means.batches`.
         near: int32 [cells, 9], see `Cells`.
         forms: float32 [cells, 11], from `cluster`.
         values: float32 [6, room], from `work_space`.
         distances: float32 [9, room], from `work_space`.
         found: int32 [room], from `work_space`.
-        labels: int32 [H, W], written where the pixels are: the index of the nearest centre.
+        labels: int32 [H, W], written inside the rectangles: the index of the nearest centre.
     """
     filled = np.int64(0)
     for k in range(len(batches)):
         batch = batches[k]
         cell, top, left, rows, width = batch[0], batch[1], batch[2], batch[3], batch[4]
+        # Positions are relative to the rectangle's corner, so they change only when the width does.
         if width != filled:
             write_places(width, values[ROW], values[COLUMN])
             filled = width
@@ -309,9 +329,10 @@ def assign(planes, batches, near, forms, values, distances, found, labels):  # t
 
 @compiled
 def _nearest_plane(values, begin, top, left, near, forms, distances, labels):  # type: ignore[no-untyped-def]
-    """Give as many pixels as there are `labels`, from `begin` on in `values`, the nearest of nine centres.
+    """Label pixels with the nearest of nine centres.
 
-    Rows and columns in `values` are counted from `top` and `left`.
+    The pixels are columns `begin` to `begin + len(labels) - 1` of `values`. Their rows and columns are relative to
+    `top` and `left`; the constant and the plane of each centre are shifted accordingly.
     """
     count = len(labels)
     p, q, r = values[0, begin : begin + count], values[1, begin : begin + count], values[2, begin : begin + count]

@@ -1,4 +1,4 @@
-"""SLIC on colour and on depth with scikit-image, as SupeRGB-D over-segments a frame."""
+"""SLIC on colour and on depth with scikit-image, the over-segmentation of SupeRGB-D."""
 
 from __future__ import annotations
 
@@ -13,36 +13,37 @@ from sgbd.machine.side_by_side import side_by_side
 from sgbd.superpixels.fragments import connected_superpixels
 
 Superpixels = Callable[[Frame], LabelMap]
-"""Frame to label map int32 [H, W], ids 0..N-1, each id one 4-connected region."""
+"""Map a frame to a label map: int32 [H, W], ids 0..N-1, each id one 4-connected region."""
 
 DEPTH_PERCENTILE = 98
-"""Depth beyond this percentile is clipped, or one far wall would set the scale of everything on the table."""
+"""Depth is clipped at this percentile; otherwise one far wall would set the scale of everything on the table."""
 
 
 class Slic:
     """The intersection of a SLIC over-segmentation of the colours and one of the depth.
 
-    The intersection of the two is not connected, so its connected pieces become the regions, and pieces under
-    `min_size` pixels are merged into the neighbour with the longest border.
+    The intersection is not connected, so each of its connected pieces becomes a region. Pieces under `min_size` pixels
+    are merged into the neighbour with the longest common border.
 
-    The scaling is ours, because scikit-image's differs between versions: colours are stretched to [0, 1] and converted
-    to Lab; depth is clipped at its 98th percentile and stretched to [0, 1] over its valid pixels. Missing depth is
-    filled from the nearest valid pixel of the row before clustering, so that zeros pull no cluster centre.
+    Scaling does not rely on scikit-image, whose scaling differs between versions: colours are stretched to [0, 1] and
+    converted to Lab; depth is clipped at its 98th percentile and stretched to [0, 1] over its valid pixels. Before
+    clustering, missing depth is filled with the nearest valid pixel of its row, so that zeros do not pull cluster
+    centres.
 
     Sources: Achanta et al., TPAMI 2012, DOI 10.1109/TPAMI.2012.120; Örnek et al., RA-L 2023, arXiv 2212.11922.
 
     Args:
-        n_segments: Superpixels asked for on each of the two; their intersection has about three times as many.
+        n_segments: Superpixels requested from each of the two; their intersection has about three times as many.
         rgb: Over-segment by colour.
         depth: Over-segment by depth.
         rgb_compactness: Weight of distance in the image against distance in Lab.
-        rgb_sigma: Width of the Gaussian that smooths the colours, pixels.
+        rgb_sigma: Standard deviation of the Gaussian that smooths the colours, pixels.
         depth_compactness: Weight of distance in the image against distance in scaled depth.
-        depth_sigma: Width of the Gaussian that smooths the depth, pixels.
-        min_size: Pixels a superpixel needs to stay.
+        depth_sigma: Standard deviation of the Gaussian that smooths the depth, pixels.
+        min_size: Smallest superpixel to keep, pixels; smaller ones are merged into a neighbour.
 
     Raises:
-        ValueError: If neither colour nor depth is asked for, or a number is out of its range.
+        ValueError: If both `rgb` and `depth` are false, or a number is out of its range.
     """
 
     def __init__(
@@ -76,7 +77,7 @@ class Slic:
         """Over-segment a frame.
 
         Args:
-            frame: Any frame. One with fewer pixels than `n_segments` gets a superpixel per pixel at the most.
+            frame: Any frame. One with fewer pixels than `n_segments` gets at most one superpixel per pixel.
 
         Returns:
             int32 [H, W], ids 0..N-1, each id one 4-connected region.
@@ -86,12 +87,12 @@ class Slic:
             jobs.append(lambda: self._rgb_labels(frame.rgb))
         if self.depth:
             jobs.append(lambda: self._depth_labels(frame.depth))
-        # scikit-image's SLIC lets go of the interpreter lock.
+        # scikit-image's SLIC releases the interpreter lock.
         labels = [found.astype(np.int32) for found in side_by_side(jobs, len(jobs))]
         return connected_superpixels(labels[0], labels[-1], self.min_size)
 
     def _rgb_labels(self, rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.integer]:
-        from skimage.segmentation import slic  # here, for nobody else to wait for it
+        from skimage.segmentation import slic  # imported on use: it loads slowly
 
         return slic(
             stretch(rgb.astype(np.float32)),
@@ -103,7 +104,7 @@ class Slic:
         )
 
     def _depth_labels(self, depth: npt.NDArray[np.float32]) -> npt.NDArray[np.integer]:
-        from skimage.segmentation import slic  # here, for nobody else to wait for it
+        from skimage.segmentation import slic  # imported on use: it loads slowly
 
         return slic(
             scaled_depth(depth),
@@ -116,7 +117,7 @@ class Slic:
 
 
 def scaled_depth(depth: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Scale depth for clustering: holes filled, clipped at the 98th percentile, stretched to [0, 1].
+    """Scale depth for clustering: fill holes, clip at the 98th percentile, stretch to [0, 1].
 
     Args:
         depth: float32 [H, W], metres, 0 = missing.
@@ -130,13 +131,13 @@ def scaled_depth(depth: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
 
 
 def filled_depth(depth: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Fill missing depth from the nearest valid pixel of the row; rows without any from the nearest row that has one.
+    """Fill missing depth with the nearest valid pixel of its row; rows without any copy the nearest row that has one.
 
     Args:
         depth: float32 [H, W], metres, 0 = missing.
 
     Returns:
-        float32 [H, W], without zeros unless everything is missing.
+        float32 [H, W], without zeros unless all depth is missing.
     """
     if not (depth > 0).any():
         return depth.copy()
@@ -145,6 +146,7 @@ def filled_depth(depth: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
 
 
 def _filled_along_rows(depth: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """Replace zeros with the nearest nonzero value of their row, the left one on a tie; empty rows stay zero."""
     width = depth.shape[1]
     columns = np.arange(width)
     valid = depth > 0
@@ -156,6 +158,6 @@ def _filled_along_rows(depth: npt.NDArray[np.float32]) -> npt.NDArray[np.float32
 
 
 def stretch(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Stretch values to [0, 1]; values that are all equal become 0."""
+    """Stretch values to [0, 1]; if all are equal, return zeros."""
     low, high = values.min(), values.max()
     return (values - low) / (high - low) if high > low else np.zeros_like(values)

@@ -1,4 +1,4 @@
-"""SLIC on colour and on depth in compiled code, some twenty times as fast as scikit-image's."""
+"""SLIC on colour and on depth in compiled code, about twenty times as fast as scikit-image's."""
 
 from __future__ import annotations
 
@@ -31,38 +31,38 @@ from sgbd.superpixels.slic import DEPTH_PERCENTILE, Slic
 logger = logging.getLogger(__name__)
 
 Run = Callable[[Sequence[Callable[[], Any]]], list[Any]]
-"""Does jobs, in whatever order or side by side, and returns their results in the order of the jobs."""
+"""Runs jobs, in any order or in parallel, and returns their results in the order of the jobs."""
 
 
 class FastSlic(Slic):
     """The intersection of a SLIC over-segmentation of the colours and one of the depth, in compiled code.
 
-    What comes out is what `Slic` gives, at equal quality for equal numbers of superpixels, but not the same label map:
+    The result is as good as that of `Slic` for equal numbers of superpixels, but not the same label map:
 
-    - The centres are found on a sample of the pixels, and a pixel sees the centres of the 3 x 3 cells around it.
-    - Missing depth is not filled: a pixel without depth pulls no centre, and joins the one nearest in the image.
-    - Depth is clipped at its 98th percentile to the millimetre and stretched to [0, 1] over the valid pixels.
+    - The centres are computed from a sample of the pixels, and a pixel considers the centres of the 3 x 3 cells around
+      it.
+    - Missing depth is not filled: a pixel without depth pulls no centre, and joins the centre nearest in the image.
+    - Depth is clipped at its 98th percentile, exact to the millimetre, and stretched to [0, 1] over the valid pixels.
 
     The result does not depend on the number of threads.
 
     Source: Achanta et al., TPAMI 2012, DOI 10.1109/TPAMI.2012.120.
 
     Args:
-        n_segments: Superpixels asked for on each of the two; their intersection has about three times as many.
+        n_segments: Superpixels requested from each of the two; their intersection has about three times as many.
         rgb: Over-segment by colour.
         depth: Over-segment by depth.
         rgb_compactness: Weight of distance in the image against distance in Lab.
-        rgb_sigma: Width of the Gaussian that smooths the colours, pixels.
+        rgb_sigma: Standard deviation of the Gaussian that smooths the colours, pixels.
         depth_compactness: Weight of distance in the image against distance in scaled depth.
-        depth_sigma: Width of the Gaussian that smooths the depth, pixels. Missing pixels are left out of it.
-        min_size: Pixels a superpixel needs to stay.
+        depth_sigma: Standard deviation of the Gaussian that smooths the depth, pixels. It leaves out missing pixels.
+        min_size: Smallest superpixel to keep, pixels; smaller ones are merged into a neighbour.
         iterations: Rounds of assignment and update of the centres.
-        subsample: The centres are found on every so many rows and columns.
-        threads: Threads to work in. None: as many as there are processors to run on, at most 2, beyond which there is
-            little to share.
+        subsample: The centres are computed from every `subsample`-th row and column.
+        threads: Number of threads. None: one per usable processor, at most 2, as there is little work to share.
 
     Raises:
-        ValueError: If neither colour nor depth is asked for, or a number is out of its range.
+        ValueError: If both `rgb` and `depth` are false, or a number is out of its range.
     """
 
     def __init__(
@@ -103,14 +103,14 @@ class FastSlic(Slic):
 
     @property
     def thread_count(self) -> int:
-        """Threads that a call works in on this machine."""
+        """Number of threads that a call uses on this machine."""
         return thread_count(self.threads)
 
     def __call__(self, frame: Frame) -> LabelMap:
         """Over-segment a frame.
 
         Args:
-            frame: Any frame. One with fewer pixels than `n_segments` gets a superpixel per pixel at the most.
+            frame: Any frame. One with fewer pixels than `n_segments` gets at most one superpixel per pixel.
 
         Returns:
             int32 [H, W], ids 0..N-1 in raster order of their first pixel, each id one 4-connected region.
@@ -120,7 +120,7 @@ class FastSlic(Slic):
         return self._segment(frame, lambda jobs: side_by_side(jobs, self.thread_count))
 
     def _segment(self, frame: Frame, run: Run) -> LabelMap:
-        """Take the steps of the method one after the other; `run` does the jobs of one step side by side."""
+        """Run the steps of the method in sequence; `run` executes the jobs of one step in parallel."""
         height, width = frame.height, frame.width
         cells = Cells.grid(height, width, self.n_segments)
         images = self._planes(frame, run)
@@ -138,7 +138,7 @@ class FastSlic(Slic):
         return connected_superpixels(labels[0], labels[-1], self.min_size)
 
     def _planes(self, frame: Frame, run: Run) -> list[tuple[Planes, bool]]:
-        """Return the planes to cluster, and of each whether it has weights."""
+        """Return the planes to cluster, each with whether it is weighted, see `cluster`."""
         shape = (3, frame.height, frame.width)
         images, jobs = [], []
         bands = self._bands(frame.height)
@@ -163,6 +163,7 @@ class FastSlic(Slic):
         return [(self._smoothed(planes, weighted, run), weighted) for planes, weighted in images]
 
     def _smoothed(self, planes: Planes, weighted: bool, run: Run) -> Planes:
+        """Return the smoothed planes; with weights, each pixel is averaged over its valid neighbours only."""
         weights = gaussian_weights(self.depth_sigma if weighted else self.rgb_sigma)
         if len(weights) == 1:
             return planes
@@ -182,7 +183,7 @@ class FastSlic(Slic):
 
 @cache
 def say_that_numba_is_missing() -> None:
-    """Say once a process why over-segmentation is slow."""
+    """Warn once per process why over-segmentation is slow."""
     logger.warning(
         "numba is not installed: superpixels come from scikit-image's SLIC, which takes some twenty times as long and "
         "draws others than those that models were trained on. Install it with 'pip install numba'."
