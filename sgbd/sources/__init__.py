@@ -1,4 +1,4 @@
-"""Sources of frames: readers of datasets on disk."""
+"""Frame sources: readers for datasets on disk."""
 
 from sgbd.sources.augmented import Augmented
 from sgbd.sources.categories import TOD_CATEGORIES, TOD_GROUPS, TODZ_SEEN, TODZ_UNSEEN

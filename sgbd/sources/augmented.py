@@ -1,4 +1,4 @@
-"""Another dataset with changed copies of its training frames."""
+"""Add augmented copies of the training frames to a dataset."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
 
 
 class Augmented(FrameSource):
-    """The frames of a dataset, and in training changed copies of each, for sets too small to train on.
+    """The frames of a dataset plus, for training, augmented copies of each; for datasets too small to train on.
 
-    A copy depends on its frame's name, its number and the seed alone, so that it is the same for any number of workers
-    and in any order. Validation and test frames are left as they are.
+    A copy depends only on its frame's name, its number and the seed, and therefore not on the number of workers or the
+    order of reading. Validation and test frames are unchanged.
 
     Args:
-        source: Called as ``source(split=...)``, gives the dataset.
-        augmentation: Changes a frame, called as ``augmentation(frame, rng)``; such as
+        source: Factory of the dataset, called as ``source(split=...)``.
+        augmentation: Called as ``augmentation(frame, rng)`` to change a frame; e.g.
             `sgbd.frame_augmentation.FrameAugmentation`.
         split: "train", "val" or "test".
-        copies: Changed copies of every training frame.
-        seed: Fixes them.
+        copies: Number of augmented copies of each training frame.
+        seed: Random seed of the copies.
 
     Raises:
         ValueError: If `copies` or `seed` is negative.
@@ -54,42 +54,42 @@ class Augmented(FrameSource):
 
     @property
     def category_names(self) -> tuple[str, ...]:  # type: ignore[override]
-        """All categories of the dataset."""
+        """All categories of the underlying dataset."""
         return self.source.category_names
 
     @property
     def seen(self) -> frozenset[str]:  # type: ignore[override]
-        """The categories that training frames hold."""
+        """The categories that occur in training frames."""
         return self.source.seen
 
     @property
     def root(self) -> Path | None:
-        """Where the dataset lies."""
+        """Folder of the underlying dataset, if it has one."""
         return getattr(self.source, "root", None)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Each frame's name, followed by those of its copies: NAME~1, NAME~2."""
+        """Name of each frame, followed by the names of its copies: NAME~1, NAME~2."""
         endings = ["", *(f"~{number}" for number in range(1, self.copies + 1))]
         return tuple(name + ending for name in self.source.names for ending in endings)
 
     @property
     def splits(self) -> tuple[str, ...]:
-        """The dataset's."""
+        """The splits of the underlying dataset."""
         return self.source.splits
 
     def generate(self, workers: int = 0, progress: bool = True) -> None:
-        """Make the dataset, if it is one that the program makes."""
+        """Generate the underlying dataset, if it is a synthetic one."""
         make = getattr(self.source, "generate", None)
         if make is not None:
             make(workers=workers, progress=progress)
 
     def files(self, index: int) -> tuple[Path, ...]:
-        """Return the files of the frame that frame `index` is or is a copy of."""
+        """Return the files of frame `index`; those of the original if the frame is a copy."""
         return self.source.files(index // (self.copies + 1))
 
     def read(self, index: int) -> Frame:
-        """Read a frame, and change it if it is a copy; errors as for the dataset's own `read`."""
+        """Read a frame and augment it if it is a copy; raises the errors of the underlying dataset's `read`."""
         original, number = divmod(index, self.copies + 1)
         frame = self.source.read(original)
         if number == 0:
@@ -99,8 +99,8 @@ class Augmented(FrameSource):
         return replace(self.augmentation(frame, rng), name=f"{frame.name}~{number}")
 
     def options(self) -> Mapping[str, Any]:
-        """Return the dataset's class and options, and those of the copies."""
-        # Here, because a recipe is about sources.
+        """Return the options of the copies, with class and options of the underlying dataset."""
+        # Imported here to avoid a circular import.
         from sgbd.recipe import describe
 
         kind = type(self.source)

@@ -1,4 +1,4 @@
-"""The camera of a dataset, as configurations and files give it."""
+"""Convert camera intrinsics from and to configuration values."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ _FIELDS = ("fx", "fy", "cx", "cy")
 
 
 def intrinsics_from(value: Intrinsics | Mapping[str, Any] | None) -> Intrinsics | None:
-    """Return intrinsics from a mapping such as a YAML node.
+    """Convert a mapping, such as a YAML node, to intrinsics.
 
     Args:
         value: Intrinsics, a mapping with exactly the keys fx, fy, cx and cy in pixels, or None for an unknown camera.
 
     Raises:
-        FrameError: If a key is missing or unknown, or a value is no usable number.
+        FrameError: If a key is missing or unknown, or a value is not a valid number.
     """
     if value is None or isinstance(value, Intrinsics):
         return value
@@ -32,16 +32,16 @@ def intrinsics_from(value: Intrinsics | Mapping[str, Any] | None) -> Intrinsics 
 
 
 def intrinsics_option(camera: Intrinsics | None) -> list[float] | None:
-    """Return fx, fy, cx and cy for `sgbd.sources.FrameSource.options`, or None for an unknown camera."""
+    """Return fx, fy, cx and cy as a JSON value for `sgbd.sources.FrameSource.options`; None for an unknown camera."""
     return None if camera is None else [camera.fx, camera.fy, camera.cx, camera.cy]
 
 
 def intrinsics_from_view(width: int, height: int, vertical_degrees: float) -> Intrinsics:
-    """Return the intrinsics of a rendered view: square pixels, principal point in the middle of the image.
+    """Return the intrinsics of a rendered view with square pixels and the principal point at the image centre.
 
     Args:
-        width: Columns, pixels.
-        height: Rows, pixels.
+        width: Image width, pixels.
+        height: Image height, pixels.
         vertical_degrees: Vertical field of view, degrees.
     """
     focal = height / 2 / math.tan(math.radians(vertical_degrees) / 2)

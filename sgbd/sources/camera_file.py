@@ -1,4 +1,4 @@
-"""Cameras as recording programs write them: Open3D's and librealsense's JSON."""
+"""Read camera files (JSON) written by Open3D and librealsense."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ CAMERA_FILES = (
     "intrinsic.json",
     "intrinsics.json",
 )
-"""File names that a camera is looked for under, in this order."""
+"""Possible names of the camera file, in search order."""
 
 
 @dataclass(frozen=True)
 class CameraFile:
-    """What a camera's file says.
+    """Content of a camera file.
 
     Attributes:
         path: The file.
-        form: "Open3D" or "librealsense".
+        form: Format of the file, "Open3D" or "librealsense".
         intrinsics: The camera.
-        size: Width and height of its images in pixels, if the file has them.
-        depth_scale: Metres of one unit of its depth images, if the file has it.
-        distorted: Whether the file has distortion coefficients that are not zero, which a pinhole camera leaves out.
+        size: Image width and height in pixels, if given.
+        depth_scale: Metres per unit of the depth images, if given.
+        distorted: Whether the file has non-zero distortion coefficients, which the pinhole camera ignores.
     """
 
     path: Path
@@ -44,25 +44,25 @@ class CameraFile:
 
 
 def find_camera_file(folder: str | Path) -> Path | None:
-    """Return the file of `CAMERA_FILES` that lies in a folder, or None."""
+    """Return the first of `CAMERA_FILES` that exists in a folder, or None."""
     return next((path for name in CAMERA_FILES if (path := Path(folder) / name).is_file()), None)
 
 
 def read_camera_file(path: str | Path) -> CameraFile:
-    """Read a camera.
+    """Read a camera file.
 
-    Open3D writes `intrinsic_matrix`, the 3x3 matrix column by column as 9 numbers, with `width` and `height`;
-    librealsense's programs write `fx`, `fy`, `ppx`, `ppy` (or `cx`, `cy`), `coeffs`, alone or below `color`. A
-    `depth_scale` of 1 and more is Open3D's units a metre; below 1 it is librealsense's metres a unit.
+    Open3D writes `intrinsic_matrix` (the 3x3 matrix as 9 numbers, column by column), `width` and `height`. librealsense
+    tools write `fx`, `fy`, `ppx`, `ppy` (or `cx`, `cy`) and `coeffs`, at the top level or below `color`. A
+    `depth_scale` of 1 or more is in units per metre (Open3D), a smaller one in metres per unit (librealsense).
 
     Args:
         path: JSON file.
 
     Returns:
-        What it says.
+        The content of the file.
 
     Raises:
-        FrameReadError: If the file is missing, no JSON, or holds no camera.
+        FrameReadError: If the file is missing, is not JSON or contains no camera.
     """
     path = Path(path)
     try:
@@ -97,7 +97,7 @@ def _intrinsics(values: Mapping[str, Any]) -> tuple[str, Intrinsics]:
         numbers = np.asarray(values["intrinsic_matrix"], np.float64)
         if numbers.size != 9:
             raise FrameError(f"intrinsic_matrix needs 9 numbers, column by column; got {values['intrinsic_matrix']}")
-        # Eigen's order, columns first. Rows of rows, as people write them, are the matrix itself.
+        # A flat list is in Eigen's column-major order; nested lists, as written by hand, are the rows.
         matrix = numbers if numbers.shape == (3, 3) else numbers.reshape(3, 3, order="F")
         if not np.array_equal(matrix[2], [0, 0, 1]):
             raise FrameError(

@@ -31,14 +31,14 @@ TOD_CATEGORIES: tuple[str, ...] = (
     "telephone",
     "washer",
 )
-"""Category names in the order of their ids: the first has id 1 in a semantic mask, the last 25.
+"""Category names in the order of their ids in a semantic mask, from 1 to 25.
 
 Neither the dataset nor the paper publishes the numbering of the semantic masks. This is the order of the synsets, which
-is also alphabetical; `sgbd.sources.Tod(category_names=...)` takes another one.
+is also alphabetical; pass `sgbd.sources.Tod(category_names=...)` to use a different one.
 """
 
 TOD_SYNSETS: dict[str, str] = {synset: name for synset, name in SHAPENET_SYNSETS.items() if name in TOD_CATEGORIES}
-"""ShapeNetCore's WordNet synset of each category: the folder that an object's mesh lies in."""
+"""Category name of each ShapeNetCore synset offset, which is also the folder of the category's meshes."""
 
 TABLE_CATEGORY = len(TOD_CATEGORIES) + 1
 """Id of the table in a semantic mask, 26; 0 is background."""
@@ -58,7 +58,7 @@ TOD_GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "miscellaneous": ("cap", "pillow", "birdhouse", "helmet", "knife"),
 }
-"""The four groups of alike categories; TOD-Z draws about half of each as seen (listed first here)."""
+"""The four groups of similar categories; in TOD-Z about half of each group is seen (listed first here)."""
 
 TODZ_SEEN: frozenset[str] = frozenset(
     {
@@ -83,4 +83,4 @@ Automation Letters 8(6), 2023, doi:10.1109/LRA.2023.3271527.
 """
 
 TODZ_UNSEEN: frozenset[str] = frozenset(TOD_CATEGORIES) - TODZ_SEEN
-"""The 13 categories that only TOD-Z's test frames hold."""
+"""The 13 categories that occur only in TOD-Z's test frames."""

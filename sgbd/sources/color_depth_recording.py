@@ -1,4 +1,4 @@
-"""Recordings exported as two image sequences, as Open3D's and RealSense's programs write them."""
+"""Read recordings that consist of two image sequences, as exported by Open3D and RealSense tools."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ _NUMBER = re.compile(r"(\d+)\D*$")
 
 
 class ColorDepthRecording(Recording):
-    """A folder with the sequences `color` and `depth`, and the camera if the program has written it.
+    """A folder with the image sequences `color` and `depth` and, optionally, a camera file.
 
-    The two images of a frame have the same number, the last one in their names: `color/000012.jpg` and
+    The two images of a frame have the same number (the last number in the file name): `color/000012.jpg` and
     `depth/000012.png`, or `color/Color_12.png` and `depth/Depth_12.png`. The depth must be aligned to the colour
-    camera, as Open3D's recorder and the align filter of librealsense do it. The camera is read from one of
-    `sgbd.sources.camera_file.CAMERA_FILES`; with such a file beside it, the folder of the colours may be `rgb` too.
+    camera, as done by Open3D's recorder and librealsense's align filter. The camera is read from one of
+    `sgbd.sources.camera_file.CAMERA_FILES`; if such a file exists, the colour folder may also be called `rgb`.
 
     Args:
-        root: Folder that holds the two.
-        intrinsics: Camera of all frames; None takes that of the file, and is unknown without one.
-        depth_scale: Metres of one unit of the depth images; None takes that of the file, or millimetres.
+        root: Folder that contains both sequences.
+        intrinsics: Camera of all frames. None uses the camera file; without one the camera is unknown.
+        depth_scale: Metres per unit of the depth images. None uses the camera file, or else millimetres.
 
     Raises:
         ValueError: If the scale is not positive.
-        FrameError: If `intrinsics` are no camera.
+        FrameError: If `intrinsics` is not a valid camera.
     """
 
     layout = """
@@ -60,30 +60,30 @@ root/
 
     @staticmethod
     def recognizes(root: str | Path) -> bool:
-        """Tell whether a folder has this layout."""
+        """Return whether a folder has this layout."""
         root = Path(root)
         colors = (root / "color").is_dir() or ((root / "rgb").is_dir() and find_camera_file(root) is not None)
         return colors and (root / "depth").is_dir()
 
     @cached_property
     def camera_file(self) -> CameraFile | None:
-        """What the camera's file says, if there is one."""
+        """Content of the camera file; None if there is none."""
         path = find_camera_file(self.root)
         return None if path is None else read_camera_file(path)
 
     @property
     def intrinsics(self) -> Intrinsics | None:
-        """The camera of all frames: as given, or of the camera's file."""
+        """The camera of all frames: the given one, or else that of the camera file."""
         return self._given_intrinsics or (self.camera_file.intrinsics if self.camera_file else None)
 
     @property
     def depth_scale(self) -> float:
-        """Metres of one unit of the depth images: as given, or of the camera's file, or a millimetre."""
+        """Metres per unit of the depth images: the given value, or that of the camera file, or millimetres."""
         stated = self.camera_file.depth_scale if self.camera_file else None
         return self._given_depth_scale or stated or MILLIMETERS
 
     def options(self) -> Mapping[str, Any]:
-        """Return the options that change what is read."""
+        """Return the options that affect what is read."""
         return {
             "intrinsics": intrinsics_option(self.intrinsics),
             "depth_scale": self.depth_scale,
@@ -93,9 +93,9 @@ root/
         """Read a frame.
 
         Raises:
-            FrameReadError: If a file is missing, damaged or not what it should be, or the camera's file is for images
-                of another size.
-            sgbd.frame.FrameError: If the two don't make a frame.
+            FrameReadError: If a file is missing, damaged or of the wrong kind, or the camera file is for another image
+                size.
+            sgbd.frame.FrameError: If the two images do not form a valid frame.
         """
         rgb_path, depth_path = self.files(index)
         rgb = read_rgb(rgb_path)
@@ -127,7 +127,7 @@ root/
                 "in depth"
             )
         self._say(color_folder.name, len(common), len(colors), len(depths))
-        # One missing depth image is that frame's error: reading it says so, and the rest can be used.
+        # A missing depth image is reported when that frame is read, so that the other frames stay usable.
         return {
             path.stem: (path, depths.get(number, depth_folder / f"{path.stem}.png"))
             for number, path in sorted(colors.items())

@@ -1,4 +1,4 @@
-"""A dataset that lies in one folder, and the error where it does not."""
+"""Base class for datasets stored in one folder, with a helpful error if the folder is not as expected."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from sgbd.sources.source import FrameSource
 
 
 class DatasetFolder(FrameSource):
-    """Frames below one folder.
+    """A dataset stored in one folder.
 
     Attributes:
         root: The folder.
-        layout: How the files must lie in it, for people.
-        remedy: How to get or make the data.
+        layout: Description of the expected files, shown in error messages.
+        remedy: How to obtain or generate the data, shown in error messages.
     """
 
     root: Path

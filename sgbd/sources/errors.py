@@ -1,4 +1,4 @@
-"""What goes wrong between a folder on disk and a frame."""
+"""Errors of reading datasets and frames."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from pathlib import Path
 from sgbd.frame import FrameError
 
 MOST_NAMED = 6
-"""Names of files and folders in a message."""
+"""Maximum number of file and folder names listed in an error message."""
 
 
 class DatasetNotFoundError(FileNotFoundError):
-    """A dataset folder that does not hold what its reader expects.
+    """A dataset folder does not contain what its reader expects.
 
     Args:
-        root: Folder that was given.
-        missing: What was looked for and not found there.
+        root: The given folder.
+        missing: What was not found there.
         layout: The folder layout that the reader expects.
-        remedy: How to get or make the data.
+        remedy: How to obtain or generate the data.
     """
 
     def __init__(self, root: str | Path, missing: str, layout: str, remedy: str) -> None:
@@ -28,7 +28,7 @@ class DatasetNotFoundError(FileNotFoundError):
         super().__init__(missing)
 
     def __reduce__(self) -> tuple[type[DatasetNotFoundError], tuple[Path, str, str, str]]:
-        # OSError gives arguments a meaning of its own; without this the error could not leave a worker process.
+        # OSError interprets its arguments itself, so that the default pickling, needed by worker processes, fails.
         return type(self), (self.root, self.missing, self.layout, self.remedy)
 
     def __str__(self) -> str:
@@ -38,7 +38,7 @@ class DatasetNotFoundError(FileNotFoundError):
 
 
 def _held_in(folder: Path) -> str:
-    """Return what is in a folder instead, which often tells what is wrong; nothing if there is no folder."""
+    """Describe the actual content of a folder, which often shows the mistake; empty if there is no folder."""
     try:
         names = sorted(f"{path.name}/" if path.is_dir() else path.name for path in folder.iterdir())
     except OSError:
@@ -48,15 +48,15 @@ def _held_in(folder: Path) -> str:
 
 
 class MissingExtraError(ImportError):
-    """An optional package that is needed here and not installed; the message says how to install it."""
+    """A required optional package is not installed; the message says how to install it."""
 
 
 class FrameReadError(FrameError):
-    """A file of a frame that cannot be read as what it should be.
+    """A file of a frame cannot be read.
 
     Args:
         path: The file.
-        reason: What is wrong with it and, where that is known, what to do.
+        reason: What is wrong with it and, if known, what to do.
     """
 
     def __init__(self, path: str | Path, reason: str) -> None:

@@ -1,4 +1,4 @@
-"""A plain folder of one's own frames."""
+"""Read RGB-D frames from a plain folder of image files."""
 
 from __future__ import annotations
 
@@ -34,25 +34,25 @@ class _Files(NamedTuple):
 
 
 class Folder(DatasetFolder):
-    """RGB-D frames in a folder, with label images where there are any.
+    """RGB-D frames in a folder, with optional label images.
 
-    A frame is a triple `NAME_rgb.png`, `NAME_depth.png`, `NAME_labels.png`, or three files of one name in the
-    subfolders `rgb`, `depth` and `labels`. Colours may be PNG or JPEG; labels may lack. Subfolders `train`, `val` and
-    `test`, if there are any, are the splits; otherwise all frames are the test split.
+    A frame consists of `NAME_rgb.png`, `NAME_depth.png` and `NAME_labels.png`, or of three files with the same name in
+    the subfolders `rgb`, `depth` and `labels`. Colours may be PNG or JPEG; labels are optional. The subfolders `train`,
+    `val` and `test`, if any exist, are the splits; otherwise all frames form the test split.
 
-    Files are first looked for when `names`, `splits` or a frame is asked for.
+    The folder is scanned on the first access to `names`, `splits` or a frame.
 
     Args:
         root: The folder.
         split: "train", "val" or "test".
-        labels: What the numbers in label images mean; "auto" tells plain ones (0 background, 1 support, 2 and more
-            objects) from those of mOSD by the first frames and logs which it took.
-        intrinsics: Camera of all frames; None if it is unknown.
-        depth_scale: Metres of one unit of the depth images.
+        labels: What the values in label images mean. "auto" uses a sample of the frames to decide between plain labels
+            (0 background, 1 support, 2 and above objects) and mOSD labels, and logs its choice.
+        intrinsics: Camera of all frames; None if unknown.
+        depth_scale: Metres per unit of the depth images.
 
     Raises:
-        ValueError: If the split is none of the three, or `labels` is neither a rule nor "auto".
-        FrameError: If `intrinsics` are no camera.
+        ValueError: If the split is unknown, or `labels` is neither a rule nor "auto".
+        FrameError: If `intrinsics` is not a valid camera.
     """
 
     layout = """
@@ -85,21 +85,21 @@ root may hold train/, val/ and test/, each of this layout.
 
     @property
     def names(self) -> tuple[str, ...]:
-        """NAME of each frame, sorted."""
+        """The NAME of each frame, sorted."""
         return self._names
 
     @property
     def splits(self) -> tuple[str, ...]:
-        """The subfolders train, val and test that exist; only "test" if none does."""
+        """Those of the subfolders train, val and test that exist; only "test" if there are none."""
         return tuple(split for split in SPLITS if (self.root / split).is_dir()) or ("test",)
 
     @cached_property
     def label_rule(self) -> LabelRule:
-        """The rule that label images are read with."""
+        """The rule that converts label images to instance ids."""
         if isinstance(self._labels, LabelRule):
             return self._labels
         labeled = [frame for frame in self._frames if frame.labels is not None]
-        # Evenly spaced, so that a change of scene does not hide what other frames look like.
+        # Sample evenly: the first frames alone may all show the same scene.
         step = max(1, -(-len(labeled) // _DETECTION_FRAMES))
         rule = detect_label_rule(
             pair for frame in labeled[::step] if (pair := _labels_and_depth(frame, self.depth_scale)) is not None
@@ -115,12 +115,12 @@ root may hold train/, val/ and test/, each of this layout.
         return rule
 
     def files(self, index: int) -> tuple[Path, ...]:
-        """Return colour, depth and, if there is one, label image of a frame."""
+        """Return the colour, depth and (if present) label image of a frame."""
         _, *paths = self._frames[index]
         return tuple(path for path in paths if path is not None)
 
     def options(self) -> Mapping[str, Any]:
-        """Return the options that change what is read."""
+        """Return the options that affect what is read."""
         return {
             "labels": repr(self.label_rule),
             "intrinsics": intrinsics_option(self.intrinsics),
@@ -131,8 +131,9 @@ root may hold train/, val/ and test/, each of this layout.
         """Read one frame.
 
         Raises:
-            FrameReadError: If a file is missing, damaged, not what it should be, or has a label without a meaning.
-            FrameError: If the images differ in size or hold no depth.
+            FrameReadError: If a file is missing, damaged or of the wrong kind, or contains a label the rule does not
+                define.
+            FrameError: If the images differ in size or contain no depth.
         """
         frame = self._frames[index]
         return Frame(
@@ -160,7 +161,7 @@ root may hold train/, val/ and test/, each of this layout.
             info_once(
                 log, "%s: the camera is unknown, a horizontal view of 59° is assumed (option: intrinsics)", self.root
             )
-        # One missing depth image is that frame's error: reading it says so, and the rest can be used.
+        # A missing depth image is reported when that frame is read, so that the other frames stay usable.
         return tuple(
             _Files(name, rgb, found["depth"].get(name, _depth_path(rgb)), found["labels"].get(name))
             for name, rgb in sorted(found["rgb"].items())
@@ -172,7 +173,7 @@ root may hold train/, val/ and test/, each of this layout.
 
 
 def _images(folder: Path) -> dict[str, dict[str, Path]]:
-    """Return the files of each kind by the name of their frame."""
+    """Return the image files as a mapping from kind to frame name to path."""
     found: dict[str, dict[str, Path]] = {kind: {} for kind in KINDS}
     in_subfolders = (folder / "rgb").is_dir() and (folder / "depth").is_dir()
     if in_subfolders:
@@ -194,14 +195,14 @@ def _image_files(folder: Path) -> list[Path]:
 
 
 def _depth_path(rgb: Path) -> Path:
-    """Return where the depth image beside a colour image should be."""
+    """Return the expected path of the depth image that belongs to a colour image."""
     if rgb.parent.name == "rgb":
         return rgb.parent.parent / "depth" / f"{rgb.stem}.png"
     return rgb.with_name(f"{rgb.stem.removesuffix('_rgb')}_depth.png")
 
 
 def _labels_and_depth(frame: _Files, depth_scale: float) -> tuple[Any, Any] | None:
-    """Read what the label rule is detected by; None for files that reading the frame will report."""
+    """Read the images that rule detection needs, or return None if unreadable (reading the frame reports that)."""
     if frame.labels is None:
         return None
     try:

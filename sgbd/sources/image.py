@@ -1,4 +1,4 @@
-"""Reading the three kinds of images of a frame: colours, depth and labels. Nothing is guessed, padded or rounded."""
+"""Read the colour, depth and label images of a frame, without guessing, padding or rounding."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from sgbd.frame import MILLIMETERS
 from sgbd.sources.errors import FrameReadError
 
 IMAGE_SUFFIXES = (".png", ".jpeg", ".jpg")
-"""File name endings of the images that are read, in lower case."""
+"""File suffixes of supported images, in lower case."""
 
 _GRAY_8_BIT = ("1", "L", "P")
 _GRAY_DEEP = ("I", "I;16", "I;16B", "I;16L", "I;16N")
 
 
 def checked_depth_scale(depth_scale: float) -> float:
-    """Return how many metres a unit of a depth image is, if it can be.
+    """Return the depth scale (metres per unit) if it is valid.
 
     Raises:
         ValueError: If it is not positive.
@@ -33,8 +33,8 @@ def checked_depth_scale(depth_scale: float) -> float:
 def read_rgb(path: str | Path) -> npt.NDArray[np.uint8]:
     """Read a colour image.
 
-    Grey and palette images are turned into colours and an alpha channel is dropped. An orientation noted in the
-    file's metadata is not applied: depth and labels carry none, and all three must match pixel by pixel.
+    Grey and palette images are converted to RGB, and an alpha channel is dropped. Orientation metadata is ignored:
+    depth and labels have none, and all three images must match pixel by pixel.
 
     Args:
         path: PNG or JPEG file.
@@ -43,7 +43,7 @@ def read_rgb(path: str | Path) -> npt.NDArray[np.uint8]:
         uint8 [H, W, 3], 0 to 255.
 
     Raises:
-        FrameReadError: If the file is missing, truncated, damaged, neither PNG nor JPEG, or holds 16-bit grey values.
+        FrameReadError: If the file is missing, truncated, damaged, neither PNG nor JPEG, or has 16-bit grey values.
     """
     image = _decode(path)
     if image.mode in _GRAY_DEEP or image.mode == "F":
@@ -58,13 +58,13 @@ def read_depth(path: str | Path, scale: float = MILLIMETERS) -> npt.NDArray[np.f
 
     Args:
         path: PNG file with one 16-bit channel, 0 = missing.
-        scale: Metres of one unit of the file; 0.001 for millimetres.
+        scale: Metres per unit of the file; 0.001 for millimetres.
 
     Returns:
         float32 [H, W], metres; 0 = missing.
 
     Raises:
-        FrameReadError: If the file is missing, truncated, damaged, no PNG, or has 8 bits or several channels a pixel.
+        FrameReadError: If the file is missing, truncated, damaged, not a PNG, or has 8 bits or several channels.
     """
     image = _decode(path, lossless="depth")
     if image.mode in _GRAY_8_BIT:
@@ -83,16 +83,16 @@ def read_depth(path: str | Path, scale: float = MILLIMETERS) -> npt.NDArray[np.f
 
 
 def read_labels(path: str | Path) -> npt.NDArray[np.int32]:
-    """Read a label image: one integer id a pixel.
+    """Read a label image: one integer id per pixel.
 
     Args:
-        path: PNG file with one channel of 8 or 16 bits; of a palette image the indices are read, not the colours.
+        path: PNG file with one channel of 8 or 16 bits; palette images are read as indices, not as colours.
 
     Returns:
         int32 [H, W].
 
     Raises:
-        FrameReadError: If the file is missing, truncated, damaged, no PNG or has several channels.
+        FrameReadError: If the file is missing, truncated, damaged, not a PNG, or has several channels.
     """
     image = _decode(path, lossless="labels")
     if image.mode not in _GRAY_8_BIT and image.mode not in _GRAY_DEEP:
@@ -105,7 +105,10 @@ def read_labels(path: str | Path) -> npt.NDArray[np.int32]:
 
 
 def _decode(path: str | Path, lossless: str = "") -> Image.Image:
-    """Decode a file completely; `lossless` names the content if JPEG's changes of the values would destroy it."""
+    """Decode a file completely.
+
+    `lossless` names the content, for error messages, if it must not be stored as JPEG; it is empty for colours.
+    """
     try:
         data = Path(path).read_bytes()
     except FileNotFoundError:
@@ -115,7 +118,7 @@ def _decode(path: str | Path, lossless: str = "") -> Image.Image:
     if not data:
         raise FrameReadError(path, "the file is empty")
     try:
-        # Opened by content, so that a misnamed file still reads.
+        # Detect the format from the content, so that files with a wrong suffix can be read.
         image = Image.open(io.BytesIO(data), formats=("PNG", "JPEG"))
         if not _complete(data, str(image.format)):
             raise FrameReadError(path, f"the {image.format} file is truncated; copy or download it again")
@@ -127,7 +130,7 @@ def _decode(path: str | Path, lossless: str = "") -> Image.Image:
     except Image.UnidentifiedImageError:
         told = "; depth is read from 16-bit PNG" if lossless == "depth" else ""
         raise FrameReadError(path, f"this is neither a PNG nor a JPEG image{told}") from None
-    # What Pillow raises for damaged data depends on the place of the damage.
+    # Depending on where the data is damaged, Pillow raises different exceptions.
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         if isinstance(error, FrameReadError):
             raise
@@ -136,11 +139,11 @@ def _decode(path: str | Path, lossless: str = "") -> Image.Image:
 
 
 def _complete(data: bytes, image_format: str) -> bool:
-    """Tell whether the end of the image is there.
+    """Return whether the file contains the end-of-image marker.
 
-    Pillow only notices missing pixels, and fills them in silently where a program has set
-    `PIL.ImageFile.LOAD_TRUNCATED_IMAGES`. The markers cannot occur inside compressed data: JPEG escapes 0xFF there,
-    and PNG's holds a checksum.
+    Pillow only notices missing pixels, and silently fills them in if a program has set
+    `PIL.ImageFile.LOAD_TRUNCATED_IMAGES`. The markers cannot occur in compressed data: JPEG escapes 0xFF there, and the
+    PNG marker includes a checksum.
     """
     if image_format == "PNG":
         return data.rfind(b"IEND\xaeB`\x82") >= 0

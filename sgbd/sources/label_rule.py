@@ -1,4 +1,4 @@
-"""What the numbers in a dataset's label images mean."""
+"""Convert the label values of a dataset to instance ids."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ Ids = Sequence[int | str]
 
 
 class LabelRule:
-    """Turns the labels of an image file into instance ids: -1 ignore, 0 background, 1 support, 2 and more objects.
+    """Converts the labels of an image file to instance ids: -1 ignore, 0 background, 1 support, 2 and above objects.
 
-    Each kind of pixel is a list of labels and ranges: `3`, `"1-9"`, or `"20-"` for 20 and everything above. An object's
-    id is `label // divisor + offset`, so that a divisor merges parts that are labelled one by one. A label that stands
-    in no list is an error: labels are never guessed.
+    Each kind of pixel is given as a list of labels and ranges: `3`, `"1-9"`, or `"20-"` for 20 and above. The instance
+    id of an object is `label // divisor + offset`; a divisor above 1 merges separately labelled parts of an object. A
+    label that is in none of the lists is an error.
 
     Args:
-        background: Labels of what is of no interest.
+        background: Labels of the background.
         support: Labels of the supporting surface (table, floor).
-        ignore: Labels of pixels that count neither for training nor for evaluation.
+        ignore: Labels of pixels that are excluded from training and evaluation.
         objects: Labels of objects and their parts.
-        divisor: How many consecutive labels one object's parts may have.
-        offset: Added to an object's id; 1 if the file has no support and numbers its objects from 1.
+        divisor: Number of consecutive labels reserved for the parts of one object.
+        offset: Added to object ids; 1 if the file has no support label and numbers its objects from 1.
 
     Raises:
-        ValueError: If a list can't be read, a label is in two lists, or an object's id would be below 2.
+        ValueError: If a list is malformed, a label is in two lists, or an object id would be below 2.
 
     Example:
         >>> mosd = LabelRule(background=[], ignore=[0], support=["1-9"], objects=["20-"], divisor=10)
@@ -77,13 +77,13 @@ class LabelRule:
         """Apply the rule.
 
         Args:
-            labels: Integers [H, W], not negative.
+            labels: Non-negative integers [H, W].
 
         Returns:
             int32 [H, W] as in `sgbd.Frame.instances`.
 
         Raises:
-            FrameError: If a label is in none of the lists.
+            FrameError: If a label is negative or in none of the lists.
         """
         if labels.size and int(labels.min()) < 0:
             raise FrameError(f"labels must not be negative; got {int(labels.min())}")
@@ -120,17 +120,17 @@ class LabelRule:
 
 
 def read_instances(path: str | Path, rule: LabelRule) -> npt.NDArray[np.int32]:
-    """Read a label image by a rule.
+    """Read a label image and convert it to instance ids.
 
     Args:
-        path: A file for `sgbd.sources.image.read_labels`.
-        rule: What its labels mean.
+        path: Label image, see `sgbd.sources.image.read_labels`.
+        rule: The meaning of its labels.
 
     Returns:
         int32 [H, W] as in `sgbd.Frame.instances`.
 
     Raises:
-        FrameReadError: If the file is missing, damaged, no label image, or has a label without a meaning.
+        FrameReadError: If the file is missing, damaged, not a label image, or contains a label the rule does not define.
     """
     labels = read_labels(path)
     try:
@@ -140,10 +140,10 @@ def read_instances(path: str | Path, rule: LabelRule) -> npt.NDArray[np.int32]:
 
 
 def detect_label_rule(frames: Iterable[tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]]) -> LabelRule:
-    """Tell `MOSD` labels from `PLAIN` ones.
+    """Decide whether label images follow the rule `MOSD` or `PLAIN`.
 
-    They are mOSD's if no label lies between 10 and 19, there are labels of 20 and more, and label 0 stands where the
-    depth is missing and hardly anywhere else (in plain labels it is the background, which has depth).
+    They follow `MOSD` if no label is between 10 and 19, some labels are 20 or above, and at least 95 % of the pixels
+    with label 0 have no depth (in plain labels, 0 is the background, which has depth).
 
     Args:
         frames: Label image and depth image of some frames; depth in any unit, 0 = missing.
@@ -160,7 +160,7 @@ def detect_label_rule(frames: Iterable[tuple[npt.NDArray[np.int32], npt.NDArray[
 
 
 def _ranges(ids: Ids, kind: str) -> list[tuple[int, int | None]]:
-    """Parse a list of labels and ranges into (first, last) pairs, last None if the range is open."""
+    """Parse a list of labels and ranges to sorted (first, last) pairs; last is None for an open range."""
     if isinstance(ids, (str, int)):
         raise ValueError(f"{kind} must be a list of labels and ranges such as [0, '1-9', '20-']; got {ids!r}")
     spans: list[tuple[int, int | None]] = []
@@ -184,7 +184,7 @@ def _text(span: tuple[int, int | None]) -> int | str:
 
 
 PLAIN = LabelRule()
-"""0 background, 1 the supporting surface, every other label an object of its own."""
+"""0 is background, 1 is the supporting surface, every other label is an object."""
 
 MOSD = LabelRule(background=(), support=("1-9",), ignore=(0,), objects=("20-",), divisor=10)
-"""The Object Segmentation Database as re-annotated (mOSD): 0 no depth, 1-9 table, 20-29 parts of one object, ..."""
+"""Labels of mOSD, the re-annotated Object Segmentation Database: 0 no depth, 1-9 table, 20-29 one object, ..."""

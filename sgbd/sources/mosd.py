@@ -1,4 +1,4 @@
-"""mOSD: the Object Segmentation Database as re-annotated for the Point Cloud Library, in its own point clouds."""
+"""Read mOSD, the Object Segmentation Database as re-annotated for the Point Cloud Library, from its point clouds."""
 
 from __future__ import annotations
 
@@ -19,22 +19,23 @@ from sgbd.sources.parts import checked_parts, natural_order
 from sgbd.sources.point_cloud import read_point_cloud
 
 KINECT = Intrinsics(525.0, 525.0, 319.5, 239.5)
-"""What the drivers of the first Kinect project 640x480 points with."""
+"""Camera that the drivers of the first Kinect use to project 640x480 points."""
 
 FOLDERS = ("learn", "test")
 
 
 class Mosd(DatasetFolder):
-    """Kinect views of tabletops, one labelled point cloud (PCD) a frame.
+    """Kinect views of tabletops, one labelled point cloud (PCD) per frame.
 
     | part  | frames | boxes | stacked boxes | occluded | cylindric | mixed | complex |
     |-------|--------|-------|---------------|----------|-----------|-------|---------|
     | learn | 45     | 0-16  | 17-24         | 25-32    | 33-44     |       |         |
     | test  | 66     | 0-15  | 16-23         | 24-30    | 31-42     | 43-54 | 55-65   |
 
-    Points have colours and a label: 0 where there is no depth (and beyond the table, which is cut off), 1 to 9 parts of
-    the table, 20 to 29 parts of one object, 30 to 39 of the next. Most clouds are organised, 640x480 points row by row;
-    a few are not, and their points are put back into the pixels of `intrinsics`, where the nearest point wins.
+    Each point has a colour and a label: 0 if its depth is missing (everything beyond the table is cut off and counts as
+    missing), 1 to 9 for parts of the table, 20 to 29 for parts of one object, 30 to 39 for parts of the next one. Most
+    clouds are organised: 640x480 points, row by row. The few others are projected with `intrinsics`; if several points
+    fall into a pixel, the nearest one is kept.
 
     Reading needs `pip install 'sgbd[pcd]'`. Frames exported as PNG triples are read with `dataset=mosd` instead.
 
@@ -44,16 +45,16 @@ class Mosd(DatasetFolder):
     doi:10.1109/IROS.2012.6385661; labels by S. Alexandrov.
 
     Args:
-        root: Folder that holds `learn` and `test`.
+        root: Folder that contains `learn` and `test`.
         split: "train", "val" or "test".
-        parts: Folders of each split; by default all frames are for testing.
+        parts: Folders of each split; by default all are test data.
         labels: What the labels mean.
-        intrinsics: Camera of all frames; None fits it to each organised cloud, and takes Kinect's for the others.
-        resolution: Width and height of the images that unorganised clouds are put back into, pixels.
+        intrinsics: Camera of all frames. None fits it to each organised cloud and uses the Kinect camera for others.
+        resolution: Width and height in pixels of the images that unorganised clouds are projected to.
 
     Raises:
-        ValueError: If the parts are no division, or the resolution is none.
-        FrameError: If `intrinsics` are no camera.
+        ValueError: If `parts` is not a valid division into splits, or the resolution is invalid.
+        FrameError: If `intrinsics` is not a valid camera.
     """
 
     layout = """
@@ -87,12 +88,12 @@ root/
 
     @property
     def names(self) -> tuple[str, ...]:
-        """`folder/name` of each frame, e.g. learn/learn0, in the order of their numbers."""
+        """`folder/name` of each frame, e.g. learn/learn0, in numerical order."""
         return self._names
 
     @property
     def splits(self) -> tuple[str, ...]:
-        """The splits that have a folder."""
+        """The splits whose folders exist (at least one of them)."""
         return tuple(split for split, names in self.parts.items() if any((self.root / n).is_dir() for n in names))
 
     def files(self, index: int) -> tuple[Path, ...]:
@@ -100,7 +101,7 @@ root/
         return (self.root / f"{self._names[index]}.pcd",)
 
     def options(self) -> Mapping[str, Any]:
-        """Return the options that change what is read."""
+        """Return the options that affect what is read."""
         return {
             "parts": {split: list(names) for split, names in self.parts.items()},
             "labels": repr(self.labels),
@@ -112,9 +113,9 @@ root/
         """Read one frame.
 
         Raises:
-            FrameReadError: If the cloud is missing, damaged, without colours, has a label without a meaning, or does
-                not fit the camera.
-            FrameError: If it holds no depth.
+            FrameReadError: If the cloud is missing, damaged or without colours, contains a label the rule does not
+                define, or does not match the camera.
+            FrameError: If it contains no depth.
         """
         (path,) = self.files(index)
         cloud = read_point_cloud(path)

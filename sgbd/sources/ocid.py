@@ -1,4 +1,4 @@
-"""OCID: the Object Clutter Indoor Dataset."""
+"""Read OCID, the Object Clutter Indoor Dataset."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from sgbd.sources.point_cloud import organized_depth
 SUBSETS = ("ARID20", "ARID10", "YCB10")
 
 TABLE_SCENE = LabelRule(support=("1-2",), objects=("3-",))
-"""On tables there are two supports, what stands around and the table itself; on the floor the floor alone."""
+"""Label rule of table scenes: labels 1 (surroundings) and 2 (table) are support; in floor scenes only label 1 is."""
 
 XTION = Intrinsics(570.34, 570.34, 319.5, 239.5)
-"""What OpenNI's driver projects the 640x480 points of an ASUS Xtion with."""
+"""Camera that the OpenNI driver uses to project the 640x480 points of an ASUS Xtion."""
 
 DEPTHS = {"depth": "png", "pcd": "pcd"}
-"""Folders that depth may be taken from, and the ending of their files."""
+"""Folders that depth can be read from, with their file suffix."""
 
 
 class Ocid(DatasetFolder):
-    """Real clutter of up to 20 objects, put down one by one on floors and tables, seen by two ASUS Xtion cameras.
+    """Real clutter of up to 20 objects, placed one by one on floors and tables, recorded by two ASUS Xtion cameras.
 
     | subset | objects from                       | a scene at most | scenes                                          |
     |--------|------------------------------------|-----------------|-------------------------------------------------|
@@ -41,33 +41,33 @@ class Ocid(DatasetFolder):
 
     96 scenes with 89 different objects; 2346 labelled frames of 640x480 pixels, depth uint16 in millimetres.
 
-    Below `root`, a sequence is a folder `{ARID20,ARID10,YCB10}/{floor,table}/{bottom,top}[/KIND]/seqNN` with
-    `rgb/result_*.png`, `depth/result_*.png`, `label/result_*.png` and `pcd/result_*.pcd`. Label 0 is background, 1 the
-    support; in scenes on a table 2 belongs to the support too; larger ones are objects.
+    A sequence is a folder `{ARID20,ARID10,YCB10}/{floor,table}/{bottom,top}[/KIND]/seqNN` below `root` with
+    `rgb/result_*.png`, `depth/result_*.png`, `label/result_*.png` and `pcd/result_*.pcd`. Label 0 is background and 1
+    is the support; in table scenes 2 is support as well. Larger labels are objects.
 
-    Two setups of the SupeRGB-D paper (E. P. Örnek et al., IEEE RA-L 8(6), 2023, doi:10.1109/LRA.2023.3271527): sim2real
-    tests on all of it what was trained on synthetic frames (`dataset=ocid`); zero-shot trains on the ARID subsets and
-    tests on YCB10, whose objects are others (`dataset=ocid_zeroshot`).
+    The SupeRGB-D paper (E. P. Örnek et al., IEEE RA-L 8(6), 2023, doi:10.1109/LRA.2023.3271527) uses two setups:
+    sim2real trains on synthetic frames and tests on all of OCID (`dataset=ocid`); zero-shot trains on the ARID subsets
+    and tests on YCB10, which has different objects (`dataset=ocid_zeroshot`).
 
     How to get it: https://www.acin.tuwien.ac.at/en/vision-for-robotics/software-tools/object-clutter-indoor-dataset/.
     Licence: as stated there. M. Suchi, T. Patten, D. Fischinger, M. Vincze, "EasyLabel: A semi-automatic pixel-wise
     object annotation tool for creating robotic RGB-D datasets", ICRA 2019, doi:10.1109/ICRA.2019.8793917.
 
     Args:
-        root: Folder that holds the subsets.
+        root: Folder that contains the subsets.
         split: "train", "val" or "test".
-        parts: Subsets of each split, or folders in them such as "ARID20/table"; by default all are for testing.
-        val_share: Share of the training sequences that is held out for validation if no part is; 0 for none.
-        seed: Fixes which sequences that are.
-        labels: What the labels of scenes on the floor mean.
-        table_labels: What those of scenes on a table mean (those with a folder `table` in their path).
+        parts: Subsets of each split, or folders in them such as "ARID20/table"; by default all are test data.
+        val_share: Share of the training sequences held out for validation if `parts` has no "val"; 0 for none.
+        seed: Seed for choosing the held-out sequences.
+        labels: Label rule of floor scenes.
+        table_labels: Label rule of table scenes (scenes with a folder `table` in their path).
         depth: "depth" or "pcd"; the latter needs `pip install 'sgbd[pcd]'`.
-        depth_scale: Metres of one unit of the images in `depth`.
-        intrinsics: Camera of all frames; None fits it to each point cloud, or is unknown with `depth`.
+        depth_scale: Metres per unit of the images in `depth`.
+        intrinsics: Camera of all frames. None means: fitted to each point cloud with "pcd", unknown with "depth".
 
     Raises:
-        ValueError: If the parts are no division, or another option is out of range.
-        FrameError: If `intrinsics` are no camera.
+        ValueError: If `parts` is not a valid division into splits, or another option is out of range.
+        FrameError: If `intrinsics` is not a valid camera.
     """
 
     layout = """
@@ -121,14 +121,14 @@ root/
 
     @property
     def splits(self) -> tuple[str, ...]:
-        """The splits that have parts, and "val" where training sequences are held out."""
+        """The splits that have parts, and "val" if training sequences are held out."""
         held_out = "train" in self.parts and self.val_share > 0
         return tuple(
             split for split in ("train", "val", "test") if split in self.parts or (split == "val" and held_out)
         )
 
     def files(self, index: int) -> tuple[Path, ...]:
-        """Return colours, depth and labels of a frame."""
+        """Return the colour, depth and label file of a frame."""
         sequence, _, name = self._names[index].rpartition("/")
         folder = self.root / sequence
         return (
@@ -138,7 +138,7 @@ root/
         )
 
     def options(self) -> Mapping[str, Any]:
-        """Return the options that change what is read."""
+        """Return the options that affect what is read."""
         return {
             "parts": {split: list(names) for split, names in self.parts.items()},
             "val_share": self.val_share,
@@ -154,8 +154,8 @@ root/
         """Read one frame.
 
         Raises:
-            FrameReadError: If a file is missing or damaged, or has a label without a meaning.
-            FrameError: If the images differ in size or hold no depth.
+            FrameReadError: If a file is missing or damaged, or contains a label the rule does not define.
+            FrameError: If the images differ in size or contain no depth.
         """
         name = self._names[index]
         rgb_path, depth_path, label_path = self.files(index)
@@ -175,7 +175,7 @@ root/
 
     @cached_property
     def sequences(self) -> tuple[str, ...]:
-        """Folder below the root of each sequence of the split."""
+        """Folder of each sequence of the split, relative to the root."""
         self._require_root()
         if self.split not in self.splits:
             raise self._not_found(f"no part is split {self.split!r}, only {', '.join(self.splits)} (option: parts)")

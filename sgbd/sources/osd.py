@@ -1,4 +1,4 @@
-"""OSD: the Object Segmentation Database."""
+"""Read OSD, the Object Segmentation Database."""
 
 from __future__ import annotations
 
@@ -21,45 +21,45 @@ from sgbd.sources.parts import checked_parts, natural_order
 from sgbd.sources.point_cloud import organized_depth
 
 OSD = LabelRule(support=(), objects=("1-",), offset=1)
-"""0 is everything but objects, the table too; every other label is an object."""
+"""Label rule: 0 is everything except objects, including the table; every other label is an object."""
 
 PARTS = ("learn", "test")
 DEPTHS = {"disparity": "png", "pcd": "pcd"}
-"""Folders that depth may be taken from, and the ending of their files."""
+"""Folders that depth can be read from, with their file suffix."""
 
 RAW_KINECT_MISSING = 2047
-"""What Kinect's raw disparities, of 11 bits, have where there is none."""
+"""Value that marks a missing measurement in the Kinect's raw 11-bit disparities."""
 
 
 class Osd(DatasetFolder):
-    """Kinect views of tabletops with boxes, cylinders and everyday things, stacked and occluded.
+    """Kinect views of tabletops with boxes, cylinders and everyday objects, stacked and occluded.
 
     | part  | frames | boxes | stacked boxes | occluded | cylindric | mixed | complex |
     |-------|--------|-------|---------------|----------|-----------|-------|---------|
     | learn | 45     | 0-16  | 17-24         | 25-32    | 33-44     |       |         |
     | test  | 66     | 0-15  | 16-23         | 24-30    | 31-42     | 43-54 | 55-65   |
 
-    Below `root` lie `image_color/NAME.png`, `disparity/NAME.png` (uint16 depth in spite of its name), `pcd/NAME.pcd`
-    (points in the colour image's pixels) and `annotation/NAME.png` (0 background and table, 1 and more objects), NAME
-    being learn0 to learn44 and test0 to test65. Depth is that of `disparity` or of `pcd`; a database that comes with
-    one of them alone can be read. Frames without an annotation have no truth.
+    The files below `root` are `image_color/NAME.png`, `disparity/NAME.png` (uint16 depth, despite the name),
+    `pcd/NAME.pcd` (one point per colour pixel) and `annotation/NAME.png` (0 background and table, 1 and above objects);
+    NAME is learn0 to learn44 and test0 to test65. Depth is read from either `disparity` or `pcd`; only one of them has
+    to exist. Frames without an annotation have no ground truth.
 
     How to get it: https://www.acin.tuwien.ac.at/vision-for-robotics/software-tools/osd/ (OSD-0.2 or OSD-0.2-depth).
     Licence: as stated there. A. Richtsfeld, T. Mörwald, J. Prankl, M. Zillich, M. Vincze, "Segmentation of unknown
     objects in indoor environments", IROS 2012, doi:10.1109/IROS.2012.6385661.
 
     Args:
-        root: Folder that holds `image_color`.
+        root: Folder that contains `image_color`.
         split: "train", "val" or "test".
-        parts: Beginnings of the names of each split's frames, "learn" and "test"; by default all are for testing.
+        parts: Name prefixes ("learn", "test") of each split's frames; by default all are test data.
         depth: "disparity" or "pcd"; the latter needs `pip install 'sgbd[pcd]'`.
-        depth_scale: Metres of one unit of the images in `disparity`.
-        labels: What the numbers in `annotation` mean.
-        intrinsics: Camera of all frames; None fits it to each point cloud, or is unknown with `disparity`.
+        depth_scale: Metres per unit of the images in `disparity`.
+        labels: What the values in `annotation` mean.
+        intrinsics: Camera of all frames. None means: fitted to each point cloud with "pcd", unknown with "disparity".
 
     Raises:
-        ValueError: If the parts are no division, or `depth` or `depth_scale` is out of range.
-        FrameError: If `intrinsics` are no camera.
+        ValueError: If `parts` is not a valid division into splits, or `depth` or `depth_scale` is out of range.
+        FrameError: If `intrinsics` is not a valid camera.
     """
 
     layout = """
@@ -99,7 +99,7 @@ root/
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Name of each frame, such as learn0, part by part in the order of their numbers."""
+        """Name of each frame, such as learn0, part by part and in numerical order."""
         return self._names
 
     @property
@@ -108,7 +108,7 @@ root/
         return tuple(self.parts)
 
     def files(self, index: int) -> tuple[Path, ...]:
-        """Return colours, depth and annotation of a frame; the last may lack."""
+        """Return the colour, depth and annotation file of a frame; the last may not exist."""
         name = self._names[index]
         return (
             self.root / "image_color" / f"{name}.png",
@@ -117,7 +117,7 @@ root/
         )
 
     def options(self) -> Mapping[str, Any]:
-        """Return the options that change what is read."""
+        """Return the options that affect what is read."""
         return {
             "parts": {split: list(names) for split, names in self.parts.items()},
             "depth": self.depth,
@@ -130,9 +130,9 @@ root/
         """Read one frame.
 
         Raises:
-            FrameReadError: If a file is missing or damaged, if `disparity` holds disparities, or if a label has no
-                meaning.
-            FrameError: If the images differ in size or hold no depth.
+            FrameReadError: If a file is missing or damaged, if `disparity` contains raw disparities instead of depth,
+                or if a label is not defined by the rule.
+            FrameError: If the images differ in size or contain no depth.
         """
         rgb_path, depth_path, labels_path = self.files(index)
         depth, camera = self._depth(depth_path)

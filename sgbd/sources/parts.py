@@ -1,4 +1,4 @@
-"""Which parts of a dataset are its splits, where the dataset itself has no such division, or another one."""
+"""Assign parts of a dataset to train, val and test, for datasets without splits or with different ones."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ SPLITS = ("train", "val", "test")
 
 
 def checked_parts(parts: Mapping[str, Iterable[str]], split: str) -> dict[str, tuple[str, ...]]:
-    """Return the parts of each split, in the order train, val, test.
+    """Validate the parts of each split and return them in the order train, val, test.
 
     Args:
-        parts: Parts by split, such as {"train": ["ARID10"], "test": ["YCB10"]}; a part may be a folder deeper down.
-        split: The split that is asked for.
+        parts: Parts by split, such as {"train": ["ARID10"], "test": ["YCB10"]}; a part may be a nested folder.
+        split: The requested split.
 
     Raises:
-        ValueError: If a split is none of the three or has no parts, or if two splits share a part.
+        ValueError: If a split is unknown or has no parts, or if two splits share a part.
     """
     if split not in SPLITS:
         raise ValueError(f"no split {split!r}; choose from {', '.join(SPLITS)}")
@@ -38,5 +38,5 @@ def checked_parts(parts: Mapping[str, Iterable[str]], split: str) -> dict[str, t
 
 
 def natural_order(name: str) -> list[str | int]:
-    """Return a sorting key that puts learn2 before learn10."""
+    """Return a sort key that puts learn2 before learn10."""
     return [int(piece) if piece.isdigit() else piece for piece in re.split(r"(\d+)", name)]

@@ -1,4 +1,4 @@
-"""Point-cloud files of the Point Cloud Library (PCD), and what they hold as images."""
+"""Read point cloud files of the Point Cloud Library (PCD) and convert them to images."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sgbd.frame import Intrinsics
 from sgbd.sources.errors import FrameReadError, MissingExtraError
 
 LEAST_SHARE_INSIDE = 0.5
-"""Of the points of an unorganised cloud, in the image that it is projected into; fewer and the camera is another."""
+"""Minimum share of an unorganised cloud's points that must fall into the image; below it the camera must be wrong."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,11 +21,11 @@ class PointCloud:
     """Points of one view.
 
     Attributes:
-        xyz: float32 [P, 3], metres, x to the right, y down, z along the optical axis; what is missing has z NaN or 0.
-        rgb: uint8 [P, 3], if the points have colours.
-        labels: int32 [P], if they have labels.
-        height: Rows of an organised cloud, whose points are the pixels of an image row by row; 1 if it is unorganised.
-        width: Columns, or the number of points.
+        xyz: float32 [P, 3], metres, x to the right, y down, z along the optical axis; z is NaN or 0 if missing.
+        rgb: uint8 [P, 3]; None if the points have no colours.
+        labels: int32 [P]; None if they have no labels.
+        height: Number of image rows of an organised cloud (one point per pixel, row by row); 1 if unorganised.
+        width: Number of image columns, or number of points if unorganised.
     """
 
     xyz: npt.NDArray[np.float32]
@@ -40,15 +40,15 @@ class PointCloud:
         return self.height > 1
 
     def depth(self) -> npt.NDArray[np.float32]:
-        """Return float32 [H, W], metres, of an organised cloud; 0 = missing."""
+        """Return the depth image of an organised cloud, float32 [H, W], metres; 0 = missing."""
         z = self.xyz[:, 2].reshape(self.height, self.width)
         return np.where(np.isfinite(z) & (z > 0), z, np.float32(0))
 
     def intrinsics(self) -> Intrinsics | None:
-        """Return the pinhole camera that an organised cloud was made with, fitted to its points by least squares.
+        """Estimate the pinhole camera of an organised cloud from its points by least squares.
 
         Returns:
-            The camera, or None if too few points are there to tell.
+            The camera, or None if the points do not determine it.
         """
         seen = (self.depth() > 0).ravel()
         rows, columns = np.divmod(np.flatnonzero(seen), self.width)
@@ -60,7 +60,7 @@ class PointCloud:
         return Intrinsics(float(fx), float(fy), float(cx), float(cy)) if fx > 0 and fy > 0 else None
 
     def projected(self, intrinsics: Intrinsics, height: int, width: int) -> PointCloud:
-        """Return an organised cloud: every point in the pixel that it is seen in; of several the nearest.
+        """Project the points to an organised cloud; a pixel hit by several points keeps the nearest.
 
         Args:
             intrinsics: The camera.
@@ -68,10 +68,10 @@ class PointCloud:
             width: Columns of the image.
 
         Returns:
-            The cloud. Pixels without a point have z 0, are black, and have label 0.
+            The organised cloud. Pixels without a point have z = 0, black colour and label 0.
 
         Raises:
-            ValueError: If most of the points lie outside of the image.
+            ValueError: If most of the points lie outside the image.
         """
         x, y, z = self.xyz.T.astype(np.float64)
         present = np.flatnonzero(np.isfinite(self.xyz).all(axis=1) & (z > 0))
@@ -85,7 +85,7 @@ class PointCloud:
             )
         point = present[inside]
         pixel = row[inside].astype(np.int64) * width + column[inside].astype(np.int64)
-        # Of the assignments to one pixel the last stays, the nearest point.
+        # Of several assignments to a pixel the last one remains: sort from far to near.
         order = np.argsort(-z[point], kind="stable")
         source = np.full(height * width, -1, np.int64)
         source[pixel[order]] = point[order]
@@ -104,20 +104,20 @@ class PointCloud:
 
 
 def read_point_cloud(path: str | Path) -> PointCloud:
-    """Read a PCD file: ascii, binary or binary_compressed.
+    """Read a PCD file in ascii, binary or binary_compressed format.
 
     Args:
-        path: The file. It needs the fields x, y and z; colours are those of `rgb` or `rgba`, labels those of `label`.
+        path: The file. It needs the fields x, y and z; `rgb` or `rgba` (colours) and `label` are optional.
 
     Returns:
         The points, organised or not.
 
     Raises:
-        FrameReadError: If the file is missing, truncated, damaged, or no such file.
-        MissingExtraError: If the package that reads it is not installed.
+        FrameReadError: If the file is missing, truncated, damaged, or not a PCD file.
+        MissingExtraError: If pypcd4 is not installed.
     """
     try:
-        # Here: everything else works without the extra.
+        # Imported here because it is an optional dependency.
         from pypcd4 import PointCloud as File
     except ImportError as error:
         raise MissingExtraError(
@@ -129,7 +129,7 @@ def read_point_cloud(path: str | Path) -> PointCloud:
         columns = np.atleast_1d(file.pc_data)
     except FileNotFoundError:
         raise FrameReadError(path, "the file does not exist") from None
-    # What the reader raises for damaged data depends on the place of the damage.
+    # Depending on where the data is damaged, the reader raises different exceptions.
     except (OSError, ValueError, LookupError, TypeError, RuntimeError, struct.error) as error:
         raise FrameReadError(
             path, f"this is no point cloud (PCD), or a damaged one ({_first_line(error)}); copy or download it again"
@@ -160,10 +160,10 @@ def organized_depth(path: Path, intrinsics: Intrinsics | None) -> tuple[npt.NDAr
 
     Args:
         path: The PCD file.
-        intrinsics: Its camera; None fits it to the points.
+        intrinsics: Its camera; None to fit it to the points.
 
     Returns:
-        Depth, float32 [H, W], metres, 0 = missing; and the camera.
+        The depth, float32 [H, W], metres, 0 = missing; and the camera.
 
     Raises:
         FrameReadError: If the cloud is missing, damaged, or unorganised.

@@ -1,4 +1,4 @@
-"""A recording: pairs of a colour and a depth image in one folder, all of one camera and without truth."""
+"""Base class for recordings: pairs of colour and depth images of one camera, without ground truth."""
 
 from __future__ import annotations
 
@@ -10,31 +10,31 @@ from sgbd.sources.dataset_folder import DatasetFolder
 
 
 class Recording(DatasetFolder):
-    """The frames of a recording, all of them in the split "test".
+    """The frames of a recording; all belong to the split "test".
 
-    A subclass pairs the images (`_frames`), and says how a pair is read.
+    Subclasses pair the images (`_frames`) and implement `read` and `options`.
     """
 
     split = "test"
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Name of each colour image without its suffix, in the order of the recording."""
+        """File name of each colour image without its suffix, in recording order."""
         return tuple(self._frames)
 
     @property
     def splits(self) -> tuple[str, ...]:
-        """The one split, "test"."""
+        """The only split, "test"."""
         return ("test",)
 
     def files(self, index: int) -> tuple[Path, ...]:
-        """Return the colour and the depth image of a frame."""
+        """Return the colour and depth image of a frame."""
         return self._files[index]
 
     @cached_property
     @abstractmethod
     def _frames(self) -> dict[str, tuple[Path, Path]]:
-        """Colour and depth image of each frame, by its name."""
+        """The colour and depth image of each frame, by frame name."""
 
     @cached_property
     def _files(self) -> tuple[tuple[Path, Path], ...]:

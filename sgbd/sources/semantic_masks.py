@@ -1,4 +1,4 @@
-"""Semantic masks of a dataset in TOD's layout, from the meshes that its scenes were made of."""
+"""Write the semantic masks of a dataset in TOD's layout, using the mesh names in its scene descriptions."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from sgbd.sources.tod import Tod
 
 @dataclass(frozen=True)
 class FrameOfMasks:
-    """What became of the mask of one frame.
+    """Outcome for the mask of one frame.
 
     Attributes:
-        state: `written`, `kept` (there was one) or `not described` (the scene has no description).
-        unknown: ShapeNetCore categories of the objects that are of none of the dataset's categories, or "unknown mesh".
+        state: `written`, `kept` (the mask existed) or `not described` (the scene has no description).
+        unknown: For each object outside the dataset's categories, its ShapeNetCore category or "unknown mesh".
     """
 
     state: str
@@ -30,11 +30,11 @@ class FrameOfMasks:
 
 @dataclass(frozen=True)
 class SemanticMasks:
-    """What was done.
+    """Outcome for all frames.
 
     Attributes:
-        frames: Number of frames by state, see `FrameOfMasks`.
-        unknown: Number of objects without a category, by the ShapeNetCore category of their mesh.
+        frames: Number of frames per state, see `FrameOfMasks`.
+        unknown: Number of objects without a category, per ShapeNetCore category of their mesh.
     """
 
     frames: Counter[str] = field(default_factory=Counter)
@@ -42,15 +42,15 @@ class SemanticMasks:
 
 
 def write_semantic_masks(source: Tod, workers: int = 0, progress: bool = True) -> SemanticMasks:
-    """Write `semseg_XXXXX.png` beside every frame that has none: the category of each pixel's object.
+    """Write `semseg_XXXXX.png`, the category of each pixel, for every frame without such a file.
 
-    As in the pre-processing of E. P. Örnek et al., "SupeRGB-D", IEEE RA-L 8(6), 2023, doi:10.1109/LRA.2023.3271527:
-    1, 2, ... are the categories in the order of `source.category_names`, the number after the last is the table.
-    Masks that are there stay as they are, and frames whose scene has no description get none.
+    The encoding is that of E. P. Örnek et al., "SupeRGB-D", IEEE RA-L 8(6), 2023, doi:10.1109/LRA.2023.3271527:
+    1, 2, ... are the categories in the order of `source.category_names`, the next number is the table. Existing masks
+    are kept, and frames whose scene has no description get no mask.
 
     Args:
         source: The frames.
-        workers: Processes; 0 for this one alone.
+        workers: Number of worker processes; 0 to run in this process.
         progress: Whether to show a progress bar.
 
     Returns:

@@ -1,4 +1,4 @@
-"""The categories of ShapeNetCore, the collection of meshes that rendered datasets take their objects from."""
+"""The categories of ShapeNetCore, the mesh collection that rendered datasets take their objects from."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ SHAPENET_SYNSETS: dict[str, str] = {
     "04530566": "vessel",
     "04554684": "washer",
 }
-"""Name of each of the 55 categories by its WordNet 3.0 synset offset, which is the folder that its meshes lie in.
+"""Name of each of the 55 categories by WordNet 3.0 synset offset, which is also the folder of its meshes.
 
 A. X. Chang et al., "ShapeNet: An information-rich 3D model repository", arXiv:1512.03012, 2015.
 """

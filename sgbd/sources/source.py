@@ -1,4 +1,4 @@
-"""The interface of every place frames come from."""
+"""The interface of all frame sources."""
 
 from __future__ import annotations
 
@@ -20,15 +20,14 @@ if TYPE_CHECKING:
 class FrameSource(ABC):
     """The frames of one split of a dataset, as a read-only sequence.
 
-    A subclass sets `split`, and says which frames there are (`names`), which files each is read from (`files`), how
-    (`read`) and with which options (`options`). Frames are read on access and not kept. Sources hold only paths and
-    options, so that they can be sent to worker processes.
+    Subclasses set `split` and implement `names`, `splits`, `files`, `read` and `options`. Frames are read on access and
+    not cached. Sources store only paths and options, so that they can be sent to worker processes.
 
     Attributes:
         split: The split that this source reads.
-        category_names: All categories of the dataset in the order of their ids (the first is 1); empty if its objects
-            have no categories.
-        seen: The categories that training frames hold; empty if there is no division into seen and unseen.
+        category_names: All categories of the dataset in the order of their ids, from 1; empty if objects have no
+            categories.
+        seen: The categories that occur in training frames; empty if there is no division into seen and unseen.
     """
 
     split: str
@@ -38,7 +37,7 @@ class FrameSource(ABC):
     @property
     @abstractmethod
     def names(self) -> tuple[str, ...]:
-        """A unique and stable name of each frame, in the order of the dataset; `/` is the only separator in it."""
+        """A unique and stable name for each frame, in dataset order; path components are separated by `/`."""
 
     @property
     @abstractmethod
@@ -54,13 +53,13 @@ class FrameSource(ABC):
         """Read frame `index`, 0 <= index < len(self).
 
         Raises:
-            FrameReadError: If a file is missing, damaged or not what it should be.
-            FrameError: If the files don't make a valid frame together.
+            FrameReadError: If a file is missing, damaged or of the wrong kind.
+            FrameError: If the files do not form a valid frame.
         """
 
     @abstractmethod
     def options(self) -> Mapping[str, Any]:
-        """Return the options that change what is read from the same files, as plain JSON values."""
+        """Return the options that affect what is read from the same files, as plain JSON values."""
 
     def __len__(self) -> int:
         return len(self.names)
@@ -75,10 +74,10 @@ class FrameSource(ABC):
         return (self.read(index) for index in range(len(self)))
 
     def fingerprint(self) -> str:
-        """Return a hex digest that changes whenever the frames may have changed.
+        """Return a hex digest that changes if the frames may have changed.
 
-        It covers the frames' names, their order, the size and modification time of each file and the reader's options,
-        not the files' contents, and not the place of the dataset on disk.
+        It covers the names and order of the frames, the size and modification time of each file and the options of the
+        reader, but neither the file contents nor the location of the dataset on disk.
         """
         digest = hashlib.sha256()
         header = [type(self).__name__, self.split, list(self.category_names), sorted(self.seen), self.options()]
@@ -89,21 +88,21 @@ class FrameSource(ABC):
         return digest.hexdigest()
 
     def _fingerprinted(self) -> Iterator[tuple[str, tuple[Path, ...]]]:
-        """Yield name and files of what a fingerprint covers, by default all frames."""
+        """Yield name and files of each frame that the fingerprint covers; by default all frames."""
         return ((name, self.files(index)) for index, name in enumerate(self.names))
 
     def plot(self, index: int) -> Figure:
-        """Draw one frame: colours, depth and, where there is one, the ground truth.
+        """Draw one frame: colours, depth and, if present, the ground truth.
 
         Args:
-            index: Which frame; negative values count from the end.
+            index: Index of the frame; negative values count from the end.
 
         Returns:
-            A figure with one panel each, made without pyplot: nothing needs to be closed.
+            A figure with one panel for each, created without pyplot, so that it does not need to be closed.
         """
         from matplotlib.figure import Figure
 
-        # Here, so that what pictures look like is no part of what graphs are made by.
+        # Imported here to keep drawing code out of the code digest in the cache key of graphs.
         from sgbd.reporting.overlay import overlay
 
         frame = self[index]
@@ -131,7 +130,7 @@ class FrameSource(ABC):
 
 
 def _size_and_time(path: Path) -> tuple[int, int] | None:
-    """Return size in bytes and modification time in ns, or None for a missing file (reading it reports that)."""
+    """Return size in bytes and modification time in ns, or None for a missing file (reading it reports the error)."""
     try:
         status = path.stat()
     except OSError:

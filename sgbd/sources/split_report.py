@@ -1,4 +1,4 @@
-"""A zero-shot split as files: lists that people can read, a report, and options of `dataset` that read it."""
+"""Write a zero-shot split to files: readable lists of frames, a report and `dataset` configurations."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ def write_split(
     groups: Mapping[str, Sequence[str]],
     name: str,
 ) -> str:
-    """Write `train.txt`, `val.txt`, `test_open.txt`, `test_closed.txt`, `report.md` and two dataset options.
+    """Write `train.txt`, `val.txt`, `test_open.txt`, `test_closed.txt`, `report.md` and two dataset configurations.
 
-    The options `dataset/NAME.yaml` (open test set) and `dataset/NAME_closed.yaml` are used with
+    The configurations `dataset/NAME.yaml` (open test set) and `dataset/NAME_closed.yaml` are used with
     `--config-dir FOLDER dataset=NAME`.
 
     Args:
-        folder: Where to; made if needed.
+        folder: Output folder; created if needed.
         source: The dataset.
-        frames: What its frames show.
-        split: The division.
+        frames: Catalogue of its frames.
+        split: The split.
         groups: Category names by group.
-        name: Of the dataset options.
+        name: Name of the dataset configurations.
 
     Returns:
-        The report, Markdown.
+        The report as Markdown.
     """
     for key in SETS:
         lines = [f"# {key}: {len(split.sets[key])} frames of {source.root.resolve()}"]
@@ -53,7 +53,7 @@ def write_split(
 
 
 def split_report(frames: Catalog, split: ZeroShotSplit, groups: Mapping[str, Sequence[str]]) -> str:
-    """Return what a split holds, as Markdown."""
+    """Describe the content of a split as Markdown."""
     names = list(frames.category_names)
     numbers = {key: frames.objects[split.sets[key]].sum(axis=0) for key in SETS}
     group_of = {name: group for group, members in groups.items() for name in members}
@@ -111,5 +111,5 @@ def _dataset_option(folder: Path, source: Tod, split: ZeroShotSplit, test: str) 
 
 
 def _extreme(number: np.ndarray, names: Sequence[str], split: ZeroShotSplit, key: str, extreme: Any) -> int:
-    """Return the least or largest number of objects of the categories that a set may hold."""
+    """Return the smallest or largest number of objects per category, over the categories allowed in a set."""
     return int(extreme(number[k] for k, name in enumerate(names) if key == "test_open" or name in split.seen))

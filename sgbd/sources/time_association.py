@@ -1,4 +1,4 @@
-"""Which images of two cameras, or of two streams of one camera, were taken at the same time."""
+"""Pair images of two cameras or streams by their time stamps."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ import numpy.typing as npt
 def associate(
     first: npt.ArrayLike, second: npt.ArrayLike, tolerance: float
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Pair the moments of two recordings: two belong together if each is the other's nearest.
+    """Pair the time stamps of two recordings: two form a pair if each is the other's nearest.
 
-    No moment is used twice, and the pairs are in the order of time. Of several equally near moments the earliest is
-    taken, of equal ones the first.
+    No time stamp is used twice, and the pairs are sorted by time. Of several equally near time stamps the earliest is
+    used; of identical ones, the first.
 
     Args:
         first: float64 [N], seconds, in any order.
-        second: float64 [M], seconds, of the same clock.
-        tolerance: Pairs at most this far apart count, seconds.
+        second: float64 [M], seconds, from the same clock.
+        tolerance: Maximum time difference of a pair, seconds.
 
     Returns:
-        Two int64 arrays of equal length: places in `first`, and the places in `second` that belong to them.
+        Two int64 arrays of equal length: indices into `first`, and the indices of their partners in `second`.
 
     Raises:
-        ValueError: If the tolerance is negative or not a number.
+        ValueError: If the tolerance is negative or NaN.
     """
     if not tolerance >= 0:
         raise ValueError(f"the tolerance of time differences must be 0 or more, in seconds; got {tolerance}")
@@ -39,9 +39,9 @@ def associate(
 
 
 def _nearest(times: npt.NDArray[np.float64], among: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
-    """Return the place in `among`, which is sorted, that is nearest to each of `times`; the earliest of equals."""
+    """Return, for each of `times`, the index of the nearest value in the sorted `among`; the earliest in a tie."""
     after = np.searchsorted(among, times).clip(0, among.size - 1)
     before = np.maximum(after - 1, 0)
     nearer_before = np.abs(times - among[before]) <= np.abs(times - among[after])
-    # The first of equal moments, wherever the search ended among them.
+    # Of identical values, return the first, wherever the search ended among them.
     return np.searchsorted(among, among[np.where(nearer_before, before, after)])

@@ -1,4 +1,4 @@
-"""The Tabletop Object Dataset (TOD), its zero-shot split TOD-Z, and every dataset written in the same layout."""
+"""Read the Tabletop Object Dataset (TOD), its zero-shot split TOD-Z, and any dataset with the same file layout."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ from sgbd.sources.shapenet import SHAPENET_SYNSETS
 log = logging.getLogger(__name__)
 
 FOLDERS = {"train": "training_set", "val": "validation_set", "test": "test_set"}
-"""Folder of each split, where no lists divide the frames."""
+"""Folder of each split, used if there are no list files."""
 
 LISTS = {
     "train": ("train.txt", "train_ids.npy"),
     "val": ("val.txt", "val_ids.npy"),
     "test": ("test.txt", "test_open.txt", "test_ids.npy", "test_open_ids.npy"),
 }
-"""Names of the files that list a split's frames; the first that exists is taken."""
+"""Possible names of the file that lists a split's frames; the first that exists is used."""
 
 DESCRIPTION = "scene_description.txt"
 VERTICAL_VIEW = 45.0
-"""Vertical field of view of TOD's virtual camera, degrees, as in its authors' own loading parameters."""
+"""Vertical field of view of TOD's virtual camera, degrees, as in the loading parameters published by its authors."""
 
 UNSEEN_OBJECTS = ("keep", "ignore", "leave_out")
-"""What may become of objects of unseen categories in training and validation frames."""
+"""Ways to treat objects of unseen categories in training and validation frames."""
 
 _FRAME_PATH = re.compile(
     r"(?:(?P<folder>training_set|validation_set|test_set)[\\/]+)?"
@@ -54,7 +54,7 @@ _SYNSET = re.compile(r"(?<!\d)(" + "|".join(SHAPENET_SYNSETS) + r")(?!\d)")
 
 class _View(NamedTuple):
     scene: str
-    """Folder of the scene below the root, e.g. training_set/scene_00012."""
+    """Folder of the scene relative to the root, e.g. training_set/scene_00012."""
     number: str
     suffix: str
 
@@ -64,13 +64,13 @@ class _View(NamedTuple):
 
 
 class VisibleObject(NamedTuple):
-    """An object as one frame shows it.
+    """An object that is visible in a frame.
 
     Attributes:
-        instance: Its id in the segmentation.
-        pixels: Its visible pixels.
-        category: Name of its category, if that is known.
-        synset: Name of its mesh's ShapeNetCore category, if the scene's description was what was asked for it.
+        instance: Instance id in the segmentation.
+        pixels: Number of visible pixels.
+        category: Category name; None if unknown.
+        synset: ShapeNetCore category of the mesh; only set if the category was taken from the scene description.
     """
 
     instance: int
@@ -87,56 +87,57 @@ class Tod(DatasetFolder):
     | TOD     | 40,000 scenes x 7    | ShapeNet's         | 640x480 | exact, uint16 mm |
     | TOD-Z   | 7118 train, 881 test | 12 seen, 13 unseen | 640x480 | exact, uint16 mm |
 
-    Below `root`, every scene is a folder `{training_set,validation_set,test_set}/scene_XXXXX` with, for each view V,
-    `rgb_0000V.jpeg`, `depth_0000V.png` (uint16 millimetres), `segmentation_0000V.png` (0 background, 1 table, 2 and
-    more objects), `semseg_0000V.png` (1 to 25 categories, 26 table) and, once a scene, `scene_description.txt` (JSON).
+    Each scene is a folder `{training_set,validation_set,test_set}/scene_XXXXX` below `root`. It contains, for each view
+    V, `rgb_0000V.jpeg`, `depth_0000V.png` (uint16 millimetres), `segmentation_0000V.png` (0 background, 1 table, 2 and
+    above objects) and `semseg_0000V.png` (1 to 25 categories, 26 table), and one `scene_description.txt` (JSON).
 
-    A split is what its list says, `{train,val,test}.txt` with a line `training_set/scene_00012/rgb_00003.jpeg` for
-    each frame, or TOD-Z's `{train,val,test_open}_ids.npy`, arrays of such paths whose beginning may be any folder of
-    another machine (a scene without one of the three set folders before it lies in `training_set`). Without any list
-    a split is its folder, less the views 0 and 1, which show the room and the empty table.
+    A list file defines each split: either `{train,val,test}.txt`, with a line such as
+    `training_set/scene_00012/rgb_00003.jpeg` per frame, or TOD-Z's `{train,val,test_open}_ids.npy`, arrays of such
+    paths. Any leading folders of these paths are ignored; a scene that is not preceded by one of the three set folders
+    is looked up in `training_set`. Without lists, a split is its folder without views 0 and 1, which show the room and
+    the empty table.
 
-    An object's category is the one of most of its pixels in `semseg`; where that file is missing, the ShapeNet synset
-    of the object's mesh in the scene's description (object k has the id k + 2); else it has none.
-    `python -m sgbd.semantic_masks` writes the missing masks.
+    The category of an object is the majority category of its pixels in `semseg`. If that file is missing, it is the
+    ShapeNet synset of the object's mesh in the scene description (object k has the id k + 2), and otherwise unknown.
+    `python -m sgbd.semantic_masks` writes missing masks.
 
-    Studies of fewer or other categories need no copies of the data: `seen` says which categories count as seen,
-    `unseen_objects` what becomes of the others in training and validation frames, `max_train_frames` how many frames
-    are trained on. Test frames are always read whole.
+    To study fewer or other categories, no copy of the data is needed: `seen` selects the seen categories,
+    `unseen_objects` defines how objects of other categories are treated in training and validation frames, and
+    `max_train_frames` limits the number of training frames. Test frames are never changed or filtered by these options.
 
-    The camera is `intrinsics`, or else `intrinsics` (fx, fy, cx, cy in pixels) in the scene's description, or else
-    TOD's own: 45° of vertical view.
+    The camera is `intrinsics` if given, otherwise `intrinsics` (fx, fy, cx, cy in pixels) in the scene description,
+    otherwise TOD's own camera with a vertical field of view of 45°.
 
-    Files are first looked for when `names`, `splits` or a frame is asked for.
+    Files are searched for on the first access to `names`, `splits` or a frame.
 
     How to get it: TOD is linked from https://github.com/chrisdxie/uois, the lists of TOD-Z from
     https://github.com/evinpinar/supergb-d. C. Xie, Y. Xiang, A. Mousavian, D. Fox, "Unseen object instance
     segmentation for robotic environments", IEEE T-RO 37(5), 2021, doi:10.1109/TRO.2021.3060341. TOD-Z: E. P. Örnek et
-    al., "SupeRGB-D", IEEE RA-L 8(6), 2023, doi:10.1109/LRA.2023.3271527. Licence: as stated where it is downloaded; the
-    meshes are ShapeNet's, for non-commercial research and education (https://shapenet.org/terms).
+    al., "SupeRGB-D", IEEE RA-L 8(6), 2023, doi:10.1109/LRA.2023.3271527. Licence: as stated at the download; the meshes
+    are from ShapeNet, for non-commercial research and education (https://shapenet.org/terms).
 
     Args:
-        root: Folder that holds `training_set`, `test_set` and, if there are any, the lists.
+        root: Folder that contains `training_set`, `test_set` and, optionally, the lists.
         split: "train", "val" or "test".
-        lists: Where the lists are: a folder, or a mapping from split to file; None for `root`.
-        seen: Categories that count as seen, those that are trained on; None if there is no such division.
-        category_names: Name of category 1, 2, ... in `semseg`; the id after the last is the table's.
-        intrinsics: Camera of all frames, overriding the scenes' own.
-        first_view: Where folders are the splits, views with a smaller number are left out.
-        min_objects: Frames with fewer objects are left out as near-empty, and ignored objects do not count; 0 keeps all
-            and reads no image for it.
-        min_object_pixels: An object counts for `min_objects` if it has as many visible pixels.
-        unseen_objects: What becomes of objects that are of no seen category in training and validation frames: "keep"
-            them; "ignore" them, so that their pixels become -1 and count for nothing; or "leave_out" the frames that
-            show a pixel of one. An object of unknown category is of no seen one.
-        max_train_frames: At most as many training frames, drawn at random from those that the other rules leave; None
-            for all. With one seed, a smaller number draws some of what a larger one draws.
-        subset_seed: Fixes what `max_train_frames` draws.
+        lists: Location of the lists: a folder, or a mapping from split to file; None for `root`.
+        seen: Categories that count as seen, i.e. that are trained on; None if there is no such division.
+        category_names: Names of categories 1, 2, ... in `semseg`; the id after the last one is the table.
+        intrinsics: Camera of all frames; overrides the scene descriptions.
+        first_view: Without lists, views with a smaller number are left out.
+        min_objects: Frames with fewer objects are left out as near-empty; ignored objects do not count. 0 keeps all
+            frames and needs no image to be read.
+        min_object_pixels: An object counts towards `min_objects` if it has at least this many visible pixels.
+        unseen_objects: Treatment of objects outside the seen categories in training and validation frames: "keep"
+            them, "ignore" them (their pixels become -1), or "leave_out" every frame that shows at least one pixel of
+            such an object. Objects of unknown category count as unseen.
+        max_train_frames: Maximum number of training frames, drawn at random after all other filters; None for all.
+            With the same seed, a smaller number gives a subset of a larger one.
+        subset_seed: Seed of that draw.
 
     Raises:
-        ValueError: If the split is none of the three, `seen` has a name that is no category, or one of the last three
+        ValueError: If the split is unknown, `seen` contains a name that is not a category, or one of the last three
             options is out of range.
-        FrameError: If `intrinsics` are no camera.
+        FrameError: If `intrinsics` is not a valid camera.
     """
 
     layout = """
@@ -209,26 +210,26 @@ root/
 
     @property
     def splits(self) -> tuple[str, ...]:
-        """The splits that have a list or, if none has, a folder."""
+        """The splits that have a list or, if there are no lists, a folder."""
         if self._lists:
             return tuple(self._lists)
         return tuple(split for split, folder in FOLDERS.items() if (self.root / folder).is_dir())
 
     @property
     def filtered(self) -> Mapping[str, int]:
-        """How many views of the split were left out, by the rule that did.
+        """Number of views of the split that each rule left out.
 
-        `background_views` (before `first_view`), `near_empty` (`min_objects`), `unseen_objects` and `not_drawn`
+        Keys: `background_views` (before `first_view`), `near_empty` (`min_objects`), `unseen_objects` and `not_drawn`
         (`max_train_frames`).
         """
         return {"background_views": self._candidates[1], **self._chosen[1]}
 
     def files(self, index: int) -> tuple[Path, ...]:
-        """Return colour, depth, segmentation, semantic mask and scene description of a frame; the last two may lack."""
+        """Return a frame's colour, depth, segmentation, semantic mask and description; the last two may not exist."""
         return self._files(self._views[index])
 
     def options(self) -> Mapping[str, Any]:
-        """Return the options that change what is read."""
+        """Return the options that affect what is read."""
         return {
             "intrinsics": intrinsics_option(self.intrinsics),
             "min_objects": self.min_objects,
@@ -244,8 +245,8 @@ root/
         """Read one frame.
 
         Raises:
-            FrameReadError: If a file is missing, damaged, or has an unknown category.
-            FrameError: If the images differ in size or hold no depth.
+            FrameReadError: If a file is missing, damaged, or contains an unknown category.
+            FrameError: If the images differ in size or contain no depth.
         """
         view = self._views[index]
         rgb_path, depth_path, _, _, description_path = self._files(view)
@@ -266,23 +267,23 @@ root/
         )
 
     def objects(self, index: int) -> list[VisibleObject]:
-        """Return the objects that a frame shows, before `unseen_objects`; colours and depth are not read.
+        """Return the objects in a frame, before `unseen_objects` is applied; colours and depth are not read.
 
         Raises:
-            FrameReadError: If a file is missing, damaged, or has an unknown category.
+            FrameReadError: If a file is missing, damaged, or contains an unknown category.
         """
         view = self._views[index]
         return self._truth(view, _read_description(self._files(view)[4]))[1]
 
     def semantic_mask(self, index: int) -> npt.NDArray[np.uint16]:
-        """Return what `semseg` holds, or would hold, for a frame.
+        """Return the semantic mask of a frame, i.e. the content that its `semseg` file has or should have.
 
         Returns:
-            uint16 [H, W]: 1, 2, ... the objects' categories, after them the table; 0 the background, and objects of
-            unknown category.
+            uint16 [H, W]: 1, 2, ... are the categories, the next number is the table; 0 is the background and objects
+            of unknown category.
 
         Raises:
-            FrameReadError: If a file is missing, damaged, or has an unknown category.
+            FrameReadError: If a file is missing, damaged, or contains an unknown category.
         """
         view = self._views[index]
         instances, objects = self._truth(view, _read_description(self._files(view)[4]))
@@ -294,7 +295,7 @@ root/
         return value[instances]
 
     def _fingerprinted(self) -> Iterator[tuple[str, tuple[Path, ...]]]:
-        # The rule against near-empty frames is among the options, so that a fingerprint needs no image.
+        # Cover all candidates: the filters are part of the options, so that a fingerprint needs no image to be read.
         return ((view.name, self._files(view)) for view in self._candidates[0])
 
     def _files(self, view: _View) -> tuple[Path, ...]:
@@ -309,7 +310,7 @@ root/
 
     @cached_property
     def _lists(self) -> dict[str, Path]:
-        """The list of each split that has one."""
+        """The list file of each split that has one."""
         if isinstance(self._list_location, dict):
             return self._list_location
         found = {}
@@ -324,7 +325,7 @@ root/
 
     @cached_property
     def _candidates(self) -> tuple[tuple[_View, ...], int]:
-        """The frames of the split before near-empty ones are left out, and how many background views already are."""
+        """The frames of the split before filtering by content, and the number of background views left out."""
         self._require_root()
         if self._lists and self.split not in self._lists:
             raise self._not_found(f"there is no list of split {self.split!r}, only of {', '.join(self._lists)}")
@@ -374,17 +375,17 @@ root/
 
     @property
     def _views(self) -> tuple[_View, ...]:
-        """The frames of the split."""
+        """The frames of the split, after filtering."""
         return self._chosen[0]
 
     @cached_property
     def _chosen(self) -> tuple[tuple[_View, ...], dict[str, int]]:
-        """The frames of the split, and how many candidates each rule left out."""
+        """The frames of the split, and the number of candidates that each rule left out."""
         candidates, background = self._candidates
         left_out = dict.fromkeys(("near_empty", "unseen_objects", "not_drawn"), 0)
         views = list(candidates)
         if self.min_objects > 0 or (self._filters_unseen and self.unseen_objects == "leave_out"):
-            # Decoding releases the interpreter's lock, so that threads suffice.
+            # Image decoding releases the GIL, so threads are enough.
             with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
                 verdicts = list(
                     ProgressBar(
@@ -436,7 +437,7 @@ root/
         return self.unseen_objects != "keep" and self.split != "test"
 
     def _why_not(self, view: _View) -> str | None:
-        """Return the rule that leaves a candidate out, or None."""
+        """Return the name of the rule that leaves a candidate out, or None if it is kept."""
         try:
             if self._filters_unseen:
                 _, objects = self._truth(view, _read_description(self._files(view)[4]))
@@ -452,7 +453,7 @@ root/
         return None if enough else "near_empty"
 
     def _truth(self, view: _View, description: Mapping[str, Any]) -> tuple[npt.NDArray[np.int32], list[VisibleObject]]:
-        """Return the segmentation of a view, and the objects in it."""
+        """Return the segmentation of a view and the objects in it."""
         _, _, segmentation_path, semseg_path, _ = self._files(view)
         instances = read_labels(segmentation_path)
         pixels = np.bincount(instances.ravel())
@@ -496,7 +497,7 @@ root/
 
 
 def _synsets_of_meshes(visible: Iterable[int], description: Mapping[str, Any]) -> dict[int, str]:
-    """Return the ShapeNetCore category of each visible object k from the mesh of the description's object k - 2."""
+    """Return the ShapeNetCore category of each visible instance; instance k is object k - 2 of the description."""
     objects = description.get("object_descriptions", [])
     synsets = {}
     for instance in visible:
@@ -509,7 +510,7 @@ def _synsets_of_meshes(visible: Iterable[int], description: Mapping[str, Any]) -
 
 
 def _read_description(path: Path) -> Mapping[str, Any]:
-    """Read a scene's description; an empty one if there is no such file."""
+    """Read a scene description; return an empty one if the file does not exist."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -522,7 +523,7 @@ def _read_description(path: Path) -> Mapping[str, Any]:
 
 
 def _read_list(path: Path) -> list[tuple[int, str]]:
-    """Return number (from 1) and text of each entry of a list; blank lines and lines after # are comments."""
+    """Return number (from 1) and text of each entry of a list, without blank lines and lines that start with #."""
     try:
         if path.suffix == ".npy":
             array = np.load(path, allow_pickle=False)

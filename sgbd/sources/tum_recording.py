@@ -1,4 +1,4 @@
-"""Recordings in the layout of the TUM RGB-D benchmark."""
+"""Read recordings in the layout of the TUM RGB-D benchmark."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from sgbd.sources.time_association import associate
 log = logging.getLogger(__name__)
 
 TUM_DEPTH_SCALE = 1 / 5000
-"""Metres of one unit of the depth images: the benchmark stores 5000 units a metre."""
+"""Metres per unit of the depth images: the benchmark stores 5000 units per metre."""
 TOLERANCE = 0.02
-"""Seconds between a colour and a depth image that belong together, as the benchmark has it."""
+"""Maximum time difference between the colour and depth image of a frame, seconds; the benchmark's default."""
 
 LISTS = ("rgb.txt", "depth.txt")
 ASSOCIATIONS = ("associations.txt", "association.txt", "associated.txt", "associate.txt")
-"""Lists that are already associated, `time file time file` in each line, as ICL-NUIM and SLAM systems have them."""
+"""Lists of already associated pairs, `time file time file` per line, as used by ICL-NUIM and SLAM systems."""
 
 
 class _Listed(NamedTuple):
@@ -38,26 +38,26 @@ class _Listed(NamedTuple):
 
 
 class TumRecording(Recording):
-    """A recording of the TUM RGB-D benchmark, or of a program that writes its layout.
+    """A recording of the TUM RGB-D benchmark, or of a program that writes the same layout.
 
-    `rgb.txt` and `depth.txt` list `timestamp filename`, one image a line, with # before comments. The two cameras run
-    free of each other: a colour and a depth image are a frame if each is nearest to the other in time and they are
-    less than `tolerance` apart; images without a partner are left out, and counted in a notice. A list of pairs
-    (`associations.txt`) is taken as it is.
+    `rgb.txt` and `depth.txt` contain one `timestamp filename` per line; comments start with #. The two cameras are not
+    synchronised: a colour and a depth image form a frame if each is the other's nearest in time and they are at most
+    `tolerance` apart. Images without a partner are left out and counted in a log message. A list of pairs
+    (`associations.txt`) is used as it is.
 
     J. Sturm, N. Engelhard, F. Endres, W. Burgard, D. Cremers, "A Benchmark for the Evaluation of RGB-D SLAM Systems",
     IROS 2012, doi:10.1109/IROS.2012.6385773.
 
     Args:
-        root: Folder that holds the lists.
-        intrinsics: Camera of all frames; None takes the benchmark's default (fx = fy = 525, cx = 319.5, cy = 239.5)
-            for images of 640x480 pixels and is unknown for others.
-        depth_scale: Metres of one unit of the depth images.
-        tolerance: Seconds between the two images of a frame at most.
+        root: Folder that contains the lists.
+        intrinsics: Camera of all frames. None uses the benchmark's default (fx = fy = 525, cx = 319.5, cy = 239.5)
+            for 640x480 images and treats the camera as unknown otherwise.
+        depth_scale: Metres per unit of the depth images.
+        tolerance: Maximum time difference between the two images of a frame, seconds.
 
     Raises:
         ValueError: If the scale is not positive or the tolerance is negative.
-        FrameError: If `intrinsics` are no camera.
+        FrameError: If `intrinsics` is not a valid camera.
     """
 
     layout = """
@@ -86,11 +86,11 @@ or associations.txt with timestamp filename timestamp filename instead of the tw
 
     @staticmethod
     def recognizes(root: str | Path) -> bool:
-        """Tell whether a folder has one of the layout's lists."""
+        """Return whether a folder contains one of the layout's list files."""
         return any((Path(root) / name).is_file() for name in (*LISTS, *ASSOCIATIONS))
 
     def options(self) -> Mapping[str, Any]:
-        """Return the options that change what is read."""
+        """Return the options that affect what is read."""
         return {
             "intrinsics": intrinsics_option(self.intrinsics),
             "depth_scale": self.depth_scale,
@@ -101,8 +101,8 @@ or associations.txt with timestamp filename timestamp filename instead of the tw
         """Read a frame.
 
         Raises:
-            FrameReadError: If a file is missing, damaged or not what it should be.
-            sgbd.frame.FrameError: If the two don't make a frame.
+            FrameReadError: If a file is missing, damaged or of the wrong kind.
+            sgbd.frame.FrameError: If the two images do not form a valid frame.
         """
         rgb_path, depth_path = self.files(index)
         rgb = read_rgb(rgb_path)
@@ -148,7 +148,7 @@ or associations.txt with timestamp filename timestamp filename instead of the tw
         color_times, depth_times = ([image.time for image in images] for images in (colors, depths))
         chosen, partners = associate(color_times, depth_times, self.tolerance)
         if not chosen.size:
-            # Of all pairs, that of the least difference tells how far off the clocks are.
+            # The smallest difference of all pairs shows how far the clocks are apart.
             nearest = associate(color_times, depth_times, math.inf)
             gap = np.abs(np.take(color_times, nearest[0]) - np.take(depth_times, nearest[1])).min()
             raise FrameReadError(
@@ -170,14 +170,14 @@ or associations.txt with timestamp filename timestamp filename instead of the tw
 
 
 def _rows(path: Path, columns: int, form: str) -> list[list[str]]:
-    """Return the fields of every line that is neither empty nor a comment; the last field may hold spaces."""
+    """Return the fields of each line that is neither empty nor a comment; the last field may contain spaces."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise FrameReadError(path, f"the list cannot be read: {error}") from error
     rows = []
     for number, line in enumerate(text.splitlines(), start=1):
-        # Commas separate as well in lists that other programs wrote.
+        # Some programs separate the fields with commas.
         line = line.replace(",", " ").strip()
         if not line or line.startswith("#"):
             continue
@@ -200,7 +200,7 @@ def _read_list(path: Path) -> list[_Listed]:
 
 
 def _read_associations(path: Path) -> list[tuple[Path, Path]]:
-    """Return colour and depth of each line; which of the two columns is the depth is told by the files' folder."""
+    """Return the colour and depth file of each line; the file whose folder name starts with "depth" is the depth."""
     pairs = []
     for _, first, _, second in _rows(path, 4, "timestamp filename timestamp filename"):
         depths = [Path(name).parts[0].startswith("depth") for name in (first, second)]

@@ -1,4 +1,4 @@
-"""A video of colours and a video of depth, read frame by frame."""
+"""Read frames from a colour video and a depth video."""
 
 from __future__ import annotations
 
@@ -28,33 +28,33 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 VIDEO_SUFFIXES = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".nut", ".webm")
-"""File name endings of videos, in lower case."""
+"""File suffixes of videos, in lower case."""
 
 _DEEP_GRAY = re.compile(r"gray(?:9|10|12|14|16)(?P<order>le|be)")
 
 
 class VideoPair(FrameSource):
-    """A video of colours and one of depth, of which one frame each is in memory at a time.
+    """A colour video and a depth video, read one frame at a time.
 
-    Frames are meant to be read in their order; an earlier one is found by decoding from the start again. Videos of
-    equally many frames are paired by order. Otherwise two frames belong together if each is nearest to the other in
-    the time since the beginning of its video, within half a frame; those left over are counted in a warning.
-    A frame that the decoder reports as damaged, and those that build on it, cannot be read. FFmpeg's decoder of FFV1
-    reports few damages: it puts what was there before in their place.
+    Read the frames in order: going back to an earlier frame means decoding from the start again. If both videos have
+    the same number of frames, they are paired by position. Otherwise two frames form a pair if each is the other's
+    nearest in time since the start of its video, within half a frame period; a warning counts the others. Frames that
+    the decoder reports as damaged, and frames that depend on them, cannot be read. FFmpeg's FFV1 decoder detects only
+    some damage and otherwise repeats the previous content.
 
-    The depth needs one channel of more than 8 bits (gray16le, gray12le, ...) and a codec without loss, such as FFV1:
-    `ffmpeg -i depth/%06d.png -c:v ffv1 -g 1 -pix_fmt gray16le depth.mkv`.
+    The depth video needs a single channel of more than 8 bits (gray16le, gray12le, ...) and a lossless codec such as
+    FFV1: `ffmpeg -i depth/%06d.png -c:v ffv1 -g 1 -pix_fmt gray16le depth.mkv`.
     Reading needs `pip install 'sgbd[video]'`.
 
     Args:
-        rgb: Video of colours; a note that it should be turned is not applied.
-        depth: Video of the depth, registered to the colours, 0 = missing.
-        intrinsics: Camera of all frames; None if it is unknown.
-        depth_scale: Metres of one unit of the depth.
+        rgb: Colour video; rotation metadata is not applied.
+        depth: Depth video, registered to the colours, 0 = missing.
+        intrinsics: Camera of all frames; None if unknown.
+        depth_scale: Metres per unit of the depth.
 
     Raises:
         ValueError: If the scale is not positive.
-        FrameError: If `intrinsics` are no camera.
+        FrameError: If `intrinsics` is not a valid camera.
     """
 
     def __init__(
@@ -72,17 +72,17 @@ class VideoPair(FrameSource):
         self._decoders: tuple[_Decoder, _Decoder] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        # An open file stays with the process that opened it.
+        # Open files cannot be sent to another process.
         return self.__dict__ | {"_decoders": None}
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Name of the colour video and number of each frame in it, from 0, e.g. clip_000012."""
+        """Name of the colour video with the frame number, from 0, e.g. clip_000012."""
         return self._names
 
     @property
     def splits(self) -> tuple[str, ...]:
-        """The one split, "test"."""
+        """The only split, "test"."""
         return ("test",)
 
     def files(self, index: int) -> tuple[Path, ...]:
@@ -90,7 +90,7 @@ class VideoPair(FrameSource):
         return (self.rgb, self.depth)
 
     def options(self) -> Mapping[str, Any]:
-        """Return the options that change what is read."""
+        """Return the options that affect what is read."""
         return {
             "intrinsics": intrinsics_option(self.intrinsics),
             "depth_scale": self.depth_scale,
@@ -100,9 +100,9 @@ class VideoPair(FrameSource):
         """Decode a frame.
 
         Raises:
-            FrameReadError: If it is damaged, or a video is not what it should be.
+            FrameReadError: If the frame is damaged or a video is of the wrong kind.
             MissingExtraError: If PyAV is not installed.
-            sgbd.frame.FrameError: If the two don't make a frame.
+            sgbd.frame.FrameError: If the two images do not form a valid frame.
         """
         if self._decoders is None:
             self._decoders = (_Decoder(self.rgb, self._streams[0]), _Decoder(self.depth, self._streams[1]))
@@ -114,14 +114,14 @@ class VideoPair(FrameSource):
         return Frame(rgb, depth, self.intrinsics, name=self.names[index])
 
     def close(self) -> None:
-        """Close the files; reading opens them again."""
+        """Close the files; reading reopens them."""
         for decoder in self._decoders or ():
             decoder.close()
         self._decoders = None
 
     @cached_property
     def _streams(self) -> tuple[_Stream, _Stream]:
-        """What the two videos hold, found without decoding them."""
+        """Properties of the colour and the depth video, read without decoding."""
         rgb, depth = _stream(self.rgb), _stream(self.depth)
         if _DEEP_GRAY.fullmatch(rgb.pixels):
             raise FrameReadError(
@@ -143,7 +143,7 @@ class VideoPair(FrameSource):
 
     @cached_property
     def _places(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        """Which frames of the colours, and which of the depth belong together."""
+        """Positions of the paired frames in the colour video and in the depth video."""
         rgb, depth = self._streams
         info_once(
             log, "%s, %s: %d and %d frames; the depth (%s, %s) has %g units a metre (option: depth_scale, now %g)%s",
@@ -163,7 +163,7 @@ class VideoPair(FrameSource):
                 )  # fmt: skip
             order = np.arange(rgb.times.size)
             return order, order
-        # Times in files are rounded, to milliseconds in Matroska.
+        # Add 1 ms because files store rounded times (Matroska: milliseconds).
         places = associate(rgb.times, depth.times, half_a_frame + 1e-3)
         log.warning(
             "%s has %d frames (%.4g a second), %s %d (%.4g a second); %d pairs of equal time are used, the others are "
@@ -182,17 +182,17 @@ class VideoPair(FrameSource):
 
 @dataclass(frozen=True, eq=False)
 class _Stream:
-    """What a video holds.
+    """Properties of a video.
 
     Attributes:
-        ticks: int64 [N], time stamps of the frames in the order of presentation, in the stream's own unit; None if the
-            file has none, and frames are told by counting.
+        ticks: int64 [N], time stamps of the frames in presentation order, in the stream's time unit; None if the file
+            has no usable time stamps, so that frames must be counted.
         times: float64 [N], seconds since the first frame.
-        period: Seconds from frame to frame, the median.
+        period: Median time between frames, seconds.
         size: Width and height in pixels.
-        pixels: Format of the pixels, such as gray16le; empty if only decoding tells.
-        codec: Its name.
-        lossless: Whether the codec can store values unchanged.
+        pixels: Pixel format, such as gray16le; empty if unknown before decoding.
+        codec: Name of the codec.
+        lossless: Whether the codec can store values without loss.
     """
 
     ticks: npt.NDArray[np.int64] | None
@@ -206,7 +206,7 @@ class _Stream:
 
 def _open(path: Path) -> InputContainer:
     try:
-        # Here: everything else works without the extra.
+        # Imported here because it is an optional dependency.
         import av
     except ImportError as error:
         raise MissingExtraError(
@@ -236,8 +236,8 @@ def _stream(path: Path) -> _Stream:
         context = stream.codec_context
         ticks: list[int | None] = []
         try:
-            # The packet without data is the end; one that is to be discarded becomes no frame. If reading fails on the
-            # way, what was read by then stays.
+            # An empty packet marks the end, and discarded packets give no frame. If demuxing fails midway, `extend`
+            # keeps what was read before.
             ticks.extend(packet.pts for packet in container.demux(stream) if packet.size and not packet.is_discard)
         except av.FFmpegError as error:
             log.warning("%s: damaged after %d frames (%s); what comes before is used", path, len(ticks), error)
@@ -260,7 +260,7 @@ def _stream(path: Path) -> _Stream:
 
 @dataclass(eq=False)
 class _Decoder:
-    """Decodes one video from its start towards its end, and from the start again for an earlier frame."""
+    """Decodes one video sequentially; restarts from the beginning if an earlier frame is requested."""
 
     path: Path
     stream: _Stream
@@ -270,10 +270,10 @@ class _Decoder:
     _passed: int = -1
 
     def decode(self, place: int) -> VideoFrame:
-        """Return frame `place` of the video.
+        """Return frame number `place` of the video.
 
         Raises:
-            FrameReadError: If it cannot be decoded, or only in parts.
+            FrameReadError: If it cannot be decoded completely.
         """
         if self._container is None or place < self._passed:
             self.close()
@@ -297,13 +297,13 @@ class _Decoder:
         self._decoded = iter(())
 
     def _frames(self, container: InputContainer) -> Iterator[tuple[int, VideoFrame | None]]:
-        """Yield the place of all that can be decoded, with the frame, or None if damage has reached it."""
+        """Yield the number of each decoded frame with the frame itself, or with None if it is affected by damage."""
         import av
 
         counted, damaged = 0, False
         stream = container.streams.video[0]
         if _DEEP_GRAY.fullmatch(self.stream.pixels):
-            # What decoders put in the place of damage is good enough for colours, but makes up distances.
+            # Decoders conceal damage. That is acceptable for colours, but it would invent depth values.
             stream.codec_context.options = {"err_detect": "crccheck+explode"}
         packets = container.demux(stream)
         while True:
@@ -314,13 +314,13 @@ class _Decoder:
             try:
                 frames = packet.decode()
             except av.FFmpegError:
-                # Time stamps tell which frame is missing; without them, it is the one of this packet.
+                # Without time stamps, count the packet's frame as missing to keep the numbering right.
                 counted, damaged = counted + 1, True
                 continue
             for frame in frames:
                 place = self._place(frame, counted)
                 counted += 1
-                # Until a frame that builds on no other, all have inherited the damage.
+                # Damage spreads to all following frames up to the next key frame.
                 damaged = bool(frame.is_corrupt or (damaged and not frame.key_frame))
                 if place is not None:
                     yield place, None if damaged else frame
@@ -336,10 +336,10 @@ class _Decoder:
 
 
 def _depth_order(pixels: str, path: Path) -> str:
-    """Return the byte order of the depth's values, "<" or ">".
+    """Return the byte order of the depth values, "<" or ">".
 
     Raises:
-        FrameReadError: If the pixels are no depth.
+        FrameReadError: If the pixel format cannot hold depth.
     """
     match = _DEEP_GRAY.fullmatch(pixels)
     if match is None:
@@ -353,9 +353,9 @@ def _depth_order(pixels: str, path: Path) -> str:
 
 
 def _gray_values(frame: VideoFrame, path: Path) -> npt.NDArray[np.uint16]:
-    """Return the values of a frame as they are stored, unsigned 16-bit [H, W]."""
+    """Return the stored values of a frame, uint16 [H, W]."""
     order = _depth_order(frame.format.name, path)
     plane = frame.planes[0]
-    # Rows may be longer than the image is wide.
+    # Rows may be padded beyond the image width.
     rows = np.frombuffer(memoryview(plane), np.dtype(f"{order}u2")).reshape(-1, plane.line_size // 2)
     return rows[: frame.height, : frame.width]

@@ -1,14 +1,14 @@
-"""Zero-shot splits: which categories are seen, and which frames train, validate and test.
+"""Create zero-shot splits: choose the seen categories and the frames for training, validation and testing.
 
-The rules of TOD-Z (E. P. Örnek et al., "SupeRGB-D: Zero-shot instance segmentation in cluttered indoor environments",
-IEEE RA-L 8(6), 2023, doi:10.1109/LRA.2023.3271527), made explicit where the paper leaves them open:
+The rules are those of TOD-Z (E. P. Örnek et al., "SupeRGB-D: Zero-shot instance segmentation in cluttered indoor
+environments", IEEE RA-L 8(6), 2023, doi:10.1109/LRA.2023.3271527), made explicit where the paper leaves them open:
 
-- The categories lie in groups of alike ones. Half of each group (rounded down), drawn at random, is seen.
-- Scenes are divided at random: all views of a scene are in one pool, for training, validation or testing.
-- Training and validation frames show objects of seen categories only, not one pixel of another.
-- Test frames that show seen categories only are the closed test set; those that show an unseen one, with or without
-  seen ones, the open test set.
-- Of the frames that qualify, those are taken that make the numbers of objects of the categories as equal as can be.
+- Categories form groups of similar ones. Half of each group (rounded down), drawn at random, is seen.
+- Scenes are divided at random: all views of a scene belong to one pool, for training, validation or testing.
+- Training and validation frames show objects of seen categories only, without a single pixel of any other.
+- Test frames with seen categories only form the closed test set; test frames with at least one unseen category, with or
+  without seen ones, form the open test set.
+- Of the frames that qualify, those are chosen that balance the number of objects per category best.
 """
 
 from __future__ import annotations
@@ -24,28 +24,28 @@ from sgbd.machine.workers import map_in_order
 from sgbd.sources.tod import Tod
 
 SETS = ("train", "val", "test_closed", "test_open")
-"""The four sets of frames."""
+"""The four sets of frames in a split."""
 
 POOLS = {"train": "train", "val": "val", "test_closed": "test", "test_open": "test"}
-"""Which pool of scenes each set is taken from."""
+"""The pool of scenes that each set is drawn from."""
 
 
 class SplitError(ValueError):
-    """A split that cannot be made; the message says why and what to do."""
+    """A split cannot be created; the message says why and what to do."""
 
 
 @dataclass(frozen=True, eq=False)
 class Catalog:
-    """What the frames of a dataset show.
+    """The content of each frame of a dataset.
 
     Attributes:
-        files: Colour image of each frame, below the dataset's root.
+        files: Colour image of each frame, relative to the dataset's root.
         scenes: Scene of each frame.
         category_names: The categories.
-        objects: int64 [F, C], objects of each category in each frame that are large enough to count.
-        visible: bool [F, C], whether a pixel of the category is visible.
-        unknown: int64 [F], objects without a category.
-        background_views: Views that were left out because they come before the first one with objects.
+        objects: int64 [F, C], number of sufficiently large objects of each category in each frame.
+        visible: bool [F, C], whether at least one pixel of the category is visible.
+        unknown: int64 [F], number of objects without a category.
+        background_views: Number of views left out because they precede the first view with objects.
     """
 
     files: tuple[str, ...]
@@ -59,14 +59,14 @@ class Catalog:
 
 @dataclass(frozen=True, eq=False)
 class ZeroShotSplit:
-    """A division of frames.
+    """A split of a dataset's frames.
 
     Attributes:
         seen: The seen categories.
-        sets: int64 [.], frames of each of the four `SETS`, ascending.
-        candidates: How many frames would qualify for each set.
-        left_out: How many frames no set could take, by the reason: `near_empty`, `unknown_category` (an object without
-            a category), `mixed_in_training` (an unseen category in a scene for training or validation).
+        sets: int64 [.], indices of the frames of each of the four `SETS`, ascending.
+        candidates: Number of frames that qualify for each set.
+        left_out: Number of frames that qualify for no set, by reason: `near_empty`, `unknown_category` (an object
+            without a category), `mixed_in_training` (an unseen category in a scene for training or validation).
         scenes: Number of scenes in each pool.
     """
 
@@ -78,12 +78,12 @@ class ZeroShotSplit:
 
 
 def catalog(source: Tod, min_object_pixels: int, workers: int = 0, progress: bool = True) -> Catalog:
-    """Look at every frame of all folders of a dataset; lists that divide it already are not heeded.
+    """Count the objects in every frame of a dataset; existing split lists are ignored.
 
     Args:
-        source: The dataset, any split of it.
-        min_object_pixels: An object counts if it has as many visible pixels.
-        workers: Processes; 0 for this one alone.
+        source: The dataset; any split.
+        min_object_pixels: An object counts if it has at least this many visible pixels.
+        workers: Number of worker processes; 0 to run in this process.
         progress: Whether to show a progress bar.
 
     Returns:
@@ -91,11 +91,11 @@ def catalog(source: Tod, min_object_pixels: int, workers: int = 0, progress: boo
 
     Raises:
         FrameReadError: If a mask or a description cannot be read.
-        DatasetNotFoundError: If there is none.
+        DatasetNotFoundError: If there is no dataset.
     """
     everything = Tod(source.root, "train", lists={}, seen=None, category_names=source.category_names)
     files, scenes, rows, background = [], [], [], 0
-    # A dataset without any folder says so itself.
+    # Without any folder, reading "train" raises the DatasetNotFoundError.
     for split in everything.splits or ("train",):
         folder = Tod(
             source.root,
@@ -123,11 +123,11 @@ def catalog(source: Tod, min_object_pixels: int, workers: int = 0, progress: boo
 
 
 def draw_seen(groups: Mapping[str, Sequence[str]], seed: int) -> frozenset[str]:
-    """Draw half of each group, rounded down.
+    """Draw the seen categories: half of each group, rounded down.
 
     Args:
         groups: Category names by group.
-        seed: Fixes the draw.
+        seed: Random seed.
     """
     rng = np.random.default_rng(seed)
     return frozenset(
@@ -143,21 +143,21 @@ def zero_shot_split(
     min_objects: int = 1,
     seed: int = 0,
 ) -> ZeroShotSplit:
-    """Divide the frames of a dataset.
+    """Split the frames of a dataset.
 
     Args:
-        frames: What they show.
+        frames: Catalogue of the frames.
         seen: The seen categories.
-        sizes: Most frames of each of the four `SETS`; None for all that qualify.
+        sizes: Maximum number of frames in each of the four `SETS`; None for all that qualify.
         shares: Shares of the scenes for the pools "train", "val" and "test"; they add up to 1.
         min_objects: Frames with fewer objects are left out as near-empty.
-        seed: Fixes which scenes are for what, and which of equally good frames are taken.
+        seed: Random seed for assigning scenes to pools and choosing among equally good frames.
 
     Returns:
-        The division.
+        The split.
 
     Raises:
-        SplitError: If a category is none of the dataset's, the shares are none, or the training set would be empty.
+        SplitError: If a category is not in the dataset, the shares are invalid, or the training set would be empty.
     """
     unknown = sorted(set(seen) - set(frames.category_names))
     if unknown or not seen:
@@ -201,18 +201,18 @@ def zero_shot_split(
 def balanced_choice(
     objects: npt.NDArray[np.int64], size: int | None, rng: np.random.Generator
 ) -> npt.NDArray[np.int64]:
-    """Choose frames so that all categories have about as many objects.
+    """Choose frames greedily so that all categories have a similar number of objects.
 
-    One frame after the other is taken, each time the one after which the numbers n of objects are most even, that is,
-    after which the sum of n² over the square of the sum of n (Simpson's index) is smallest.
+    Each step adds the frame that makes the object counts n of the categories most even, i.e. that minimises Simpson's
+    index: the sum of n² divided by the square of the sum of n.
 
     Args:
-        objects: int64 [F, C], objects of each category in each frame.
-        size: How many frames; None, or more than there are, for all.
-        rng: Decides between equally good frames.
+        objects: int64 [F, C], number of objects of each category in each frame.
+        size: Number of frames; None, or more than there are, for all.
+        rng: Random generator that breaks ties.
 
     Returns:
-        int64 [size], the frames in the order in which they were chosen.
+        int64 [size], indices of the frames in the order of choice.
     """
     order = rng.permutation(len(objects))
     if size is None or size >= len(objects):
@@ -225,7 +225,7 @@ def balanced_choice(
     for step in range(size):
         amount = total.sum() + per_frame
         unevenness = np.full(len(order), np.inf)
-        # Frames without objects come last: they say nothing about the balance.
+        # Frames without objects come last: they do not affect the balance.
         np.divide(total @ total + 2 * (counts @ total) + squares, amount**2, out=unevenness, where=amount > 0)
         unevenness[~free] = np.inf
         best = int(np.argmin(unevenness))
@@ -242,7 +242,11 @@ class _Count:
     min_object_pixels: int
 
     def __call__(self, index: int) -> npt.NDArray[np.int64]:
-        """Return int64 [2, 1 + C]: objects large enough, and all, without a category and of each category."""
+        """Count the objects of a frame.
+
+        Returns:
+            int64 [2, 1 + C]: row 0 counts sufficiently large objects, row 1 all; column 0 those without a category.
+        """
         names = self.source.category_names
         counts = np.zeros((2, 1 + len(names)), np.int64)
         for item in self.source.objects(index):
@@ -255,7 +259,7 @@ class _Count:
 def _pools(
     scenes: Sequence[str], shares: Mapping[str, float], rng: np.random.Generator
 ) -> tuple[npt.NDArray[np.str_], dict[str, int]]:
-    """Return the pool of each frame, and how many scenes each has."""
+    """Assign scenes to pools; return the pool of each frame and the number of scenes in each pool."""
     names = sorted(set(scenes))
     ends = np.round(np.cumsum([shares["train"], shares["val"], shares["test"]]) * len(names)).astype(int)
     of_scene: dict[str, str] = {}
