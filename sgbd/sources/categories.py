@@ -38,7 +38,7 @@ is also alphabetical; pass `sgbd.sources.Tod(category_names=...)` to use a diffe
 """
 
 TOD_SYNSETS: dict[str, str] = {synset: name for synset, name in SHAPENET_SYNSETS.items() if name in TOD_CATEGORIES}
-"""Category name of each ShapeNetCore synset offset, which is also the folder of the category's meshes."""
+"""Category name by ShapeNetCore synset offset, which is also the folder of the category's meshes."""
 
 TABLE_CATEGORY = len(TOD_CATEGORIES) + 1
 """Id of the table in a semantic mask, 26; 0 is background."""

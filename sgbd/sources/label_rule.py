@@ -130,7 +130,7 @@ def read_instances(path: str | Path, rule: LabelRule) -> npt.NDArray[np.int32]:
         int32 [H, W] as in `sgbd.Frame.instances`.
 
     Raises:
-        FrameReadError: If the file is missing, damaged, not a label image, or contains a label the rule does not define.
+        FrameReadError: If the file is missing, damaged, not a label image, or has a label the rule does not define.
     """
     labels = read_labels(path)
     try:
