@@ -26,10 +26,9 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
-
-from filelock import FileLock, Timeout
 
 from sgbd.adjacency import LabelMap
 from sgbd.features import EDGE_NAMES, NODE_NAMES
@@ -46,6 +45,7 @@ from sgbd.graph_file import (
     write_graph,
 )
 from sgbd.machine.atomic_file import write_whole
+from sgbd.machine.one_process_at_a_time import one_process_at_a_time
 from sgbd.machine.progress_bar import ProgressBar
 from sgbd.machine.workers import WorkerError, map_in_order
 from sgbd.own_columns import own_columns
@@ -177,7 +177,8 @@ def prepare(
     with contextlib.ExitStack() as stack:
         try:
             split.mkdir(parents=True, exist_ok=True)
-            stack.enter_context(_only_one_at_a_time(folder / f"{source.split}.lock", split, len(source), progress))
+            wait = partial(_wait_for_another, split, len(source), progress)
+            stack.enter_context(one_process_at_a_time(folder / f"{source.split}.lock", log, f"prepares {split}", wait))
         except OSError as error:
             raise PreparationError(cannot_write(split, error)) from error
         # Somebody else may have finished it while this process waited.
@@ -390,24 +391,12 @@ def _kept_graphs(source: FrameSource, split: Path, progress: bool) -> list[Graph
     return summaries
 
 
-@contextlib.contextmanager
-def _only_one_at_a_time(path: Path, split: Path, total: int, progress: bool) -> Iterator[None]:
-    """Hold the lock of a split; while another process has it, wait and show how far that one is."""
-    lock = FileLock(path)  # the system releases it when its holder dies, however that happens
-    try:
-        lock.acquire(timeout=0)
-    except Timeout:
-        log.info("another process prepares %s: waiting until it is done", split)
-        with ProgressBar(total=total, desc=f"waiting for {split.name}", unit="frame", disable=not progress) as bar:
-            while not lock.is_locked:
-                bar.n = min(total, sum(1 for file in split.iterdir() if file.name.endswith(SUFFIX)))
-                bar.refresh()
-                with contextlib.suppress(Timeout):
-                    lock.acquire(timeout=1)
-    try:
-        yield
-    finally:
-        lock.release()
+def _wait_for_another(split: Path, total: int, progress: bool, is_done: Callable[[], bool]) -> None:
+    """Wait for a process that prepares a split, and show how far it is."""
+    with ProgressBar(total=total, desc=f"waiting for {split.name}", unit="frame", disable=not progress) as bar:
+        while not is_done():
+            bar.n = min(total, sum(1 for file in split.iterdir() if file.name.endswith(SUFFIX)))
+            bar.refresh()
 
 
 def _write_recipe(folder: Path, recipe: Recipe) -> None:

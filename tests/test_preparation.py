@@ -365,7 +365,7 @@ def test_a_finished_cache_can_be_read_only(dataset: Path, tmp_path: Path, monkey
 
     for method in ("mkdir", "unlink", "replace"):
         monkeypatch.setattr(Path, method, refuse)
-    monkeypatch.setattr(sgbd.preparation, "FileLock", refuse)
+    monkeypatch.setattr(sgbd.preparation, "one_process_at_a_time", refuse)
     monkeypatch.setattr(sgbd.preparation, "write_whole", refuse)
     assert prepared(dataset, tmp_path / "cache") == split
 

@@ -159,7 +159,8 @@ def explain(error: BaseException) -> str | None:
             f"{error.filename}: a file lies where a folder is needed ({error.strerror}). Name another place, or move "
             "the file away."
         )
-    if isinstance(error, FileNotFoundError | PermissionError | IsADirectoryError):
+    if isinstance(error, OSError) and (error.filename or isinstance(error, FileNotFoundError | PermissionError)):
+        # A read-only or failing file system among others.
         return str(error)
     return None
 

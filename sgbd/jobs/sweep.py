@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-from filelock import FileLock
 from hydra.core.utils import JobReturn, JobStatus
 from hydra.experimental.callback import Callback
 from hydra.types import TaskFunction
@@ -23,6 +22,7 @@ from sgbd import __version__
 from sgbd.jobs.configuration import ExpectedError
 from sgbd.jobs.job import IMMATERIAL, LOCK_FILE, PLACES, RESULT_FILE, digest, move_aside, read_json, write_json
 from sgbd.machine.atomic_file import write_whole
+from sgbd.machine.one_process_at_a_time import one_process_at_a_time
 from sgbd.reporting.score_titles import score_title
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ class SweepTable(Callback):
         self.sweep = digest([__version__, values, swept, material])[:12]
         folder = Path(settings.sweep.dir)
         folder.mkdir(parents=True, exist_ok=True)
-        with FileLock(folder / LOCK_FILE):
+        with one_process_at_a_time(folder / LOCK_FILE, log, f"writes the table of {folder}"):
             known = read_json(folder / RECORDS_FOLDER / "sweep.json")
             if known is not None and known["sweep"] != self.sweep:
                 move_aside(folder, only=("table.csv", "table.md", "table.png", RECORDS_FOLDER))
@@ -121,7 +121,7 @@ class SweepTable(Callback):
             log.error("This job failed: %s", error, exc_info=None if expected else error)
             self._record(config, "failed", f"{type(error).__name__}: {error}" if not expected else str(error))
         folder = Path(config.hydra.sweep.dir)
-        with FileLock(folder / LOCK_FILE):
+        with one_process_at_a_time(folder / LOCK_FILE, log, f"writes the table of {folder}"):
             jobs = read_jobs(folder)
             write_table(jobs, folder, columns=self.columns, plot=self.plot, seed=self.seed)
 

@@ -278,6 +278,12 @@ def test_a_full_disk():
     assert "the disk is full while writing weights.bin" in message
 
 
+def test_a_file_system_that_does_not_take_a_file():
+    read_only = OSError(errno.EROFS, "Read-only file system", "weights.bin")
+    assert explain(read_only) == f"[Errno {errno.EROFS}] Read-only file system: 'weights.bin'"
+    assert explain(OSError(errno.EBADF, "Bad file descriptor")) is None
+
+
 def test_a_file_in_the_place_of_a_folder(tmp_path):
     (tmp_path / "results").write_text("")
     for error in (raised(lambda: (tmp_path / "results").mkdir()), raised(lambda: (tmp_path / "results" / "x").mkdir())):
