@@ -1,11 +1,11 @@
-"""Partition of superpixel graphs into segments, from the merge probability of every edge.
+"""Partition of superpixel graphs into segments, given the merge probability of every edge.
 
-- `partitioner`: the interface. `threshold_partitioner` and `edge_weight`: what these partitioners share.
+- `partitioner`: the interface. `threshold_partitioner` and `edge_weight`: what the partitioners here have in common.
 - `components`: the paper's partition, the connected components of all edges above a threshold. One wrong edge joins two
   objects.
-- `multicut`, `average_linkage` and `mutex_watershed`: partitions in which the edges between two segments decide
+- `multicut`, `average_linkage` and `mutex_watershed`: partitions in which all edges between two segments decide
   together. They share one compiled loop, `contraction`, with its `heap`.
-- `kernighan_lin`: moves superpixels between the segments of a multicut as long as this improves it.
+- `kernighan_lin`: improves a multicut by moving superpixels between its segments.
 """
 
 from sgbd.partition.average_linkage import AverageLinkage

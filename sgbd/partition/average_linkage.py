@@ -1,4 +1,4 @@
-"""Average-linkage agglomeration: two segments belong together if their common border does on average."""
+"""Average-linkage agglomeration: join two segments if the mean merge probability along their border is high enough."""
 
 from __future__ import annotations
 
@@ -11,20 +11,21 @@ from sgbd.partition.threshold_partitioner import ThresholdPartitioner
 
 
 class AverageLinkage(ThresholdPartitioner):
-    """Joins the segments whose common border has the greatest mean merge probability, while that is above a threshold.
+    """Joins the segments whose common border has the highest mean merge probability, while it is above a threshold.
 
-    The signed average linkage of GASP (Bailoni et al., CVPR 2022, doi:10.1109/CVPR52688.2022.01135). Unlike in a
-    multicut a long border is no stronger than a short one, only surer: what counts is the mean. So large segments don't
-    swallow small ones by the sheer length of their border.
+    The signed average linkage of GASP (Bailoni et al., CVPR 2022, doi:10.1109/CVPR52688.2022.01135). Only the mean
+    counts: unlike in a multicut, a long border is not stronger than a short one, only more certain. So large segments
+    don't swallow small ones merely because their border is long.
 
     Args:
-        threshold: Mean merge probability from which segments are joined.
-        border_weight: What an edge counts in the mean: "length", its border length (at least one pixel), "log",
-            log(1 + border length), or "none", the same as every other.
-        cannot_link: Whether edges come in the order of their distance from the threshold, and those below it forbid
-            their segments to be joined ever. Surer of cuts, and less forgiving to a wrong one.
-        objectness_weight: How much differing objectness lowers the probability of an edge, see
-            `sgbd.partition.partitioner.joint_probability`; 0 for not at all.
+        threshold: Mean merge probability above which segments are joined.
+        border_weight: Weight of an edge in the mean: "length", its border length (at least one pixel), "log",
+            log(1 + border length), or "none", equal weights.
+        cannot_link: If true, process edges in the order of their distance from the threshold; an edge below the
+            threshold then forbids its segments ever to be joined. This makes cuts more reliable, but a wrong cut is
+            final.
+        objectness_weight: How much a difference in objectness lowers the probability of an edge, see
+            `sgbd.partition.partitioner.joint_probability`; 0 ignores objectness.
     """
 
     def __init__(
@@ -45,6 +46,6 @@ class AverageLinkage(ThresholdPartitioner):
         probability: NDArray[np.float64],
         border_length: NDArray[np.float64],
     ) -> NDArray[np.int64]:
-        """Partition a graph; pairs that don't touch count like a pixel of border."""
+        """Partition a graph; pairs that don't touch count as one pixel of border."""
         share = border_share(np.maximum(border_length, 1), self.border_weight)
         return agglomerate(num_nodes, pairs, probability - self.threshold, "mean", share, self.cannot_link)

@@ -1,8 +1,8 @@
-"""Agglomeration of signed graphs by edge contraction, in order of the strength of what links two segments.
+"""Agglomeration of graphs with signed weights: repeatedly contract the edge that links two segments most strongly.
 
-One loop for three partitioners, which differ in how the weights of parallel edges combine (the *linkage*): A. Bailoni,
-C. Pape, N. Hütsch, S. Wolf, T. Beier, A. Kreshuk, F. A. Hamprecht, "GASP, a generalized framework for agglomerative
-clustering of signed graphs and its application to instance segmentation", CVPR 2022, algorithm 1,
+One loop serves three partitioners, which differ in how the weights of parallel edges combine (the *linkage*):
+A. Bailoni, C. Pape, N. Hütsch, S. Wolf, T. Beier, A. Kreshuk, F. A. Hamprecht, "GASP, a generalized framework for
+agglomerative clustering of signed graphs and its application to instance segmentation", CVPR 2022, algorithm 1,
 doi:10.1109/CVPR52688.2022.01135.
 """
 
@@ -25,13 +25,13 @@ _CODES = {"sum": _SUM, "mean": _MEAN, "absolute_maximum": _ABSOLUTE_MAXIMUM}
 
 
 class _Edges(NamedTuple):
-    """What is known of every edge.
+    """The state of every edge.
 
     Attributes:
-        total: float64 [E], weight of all edges that this one stands for, combined as the linkage says.
-        share: float64 [E], how much they count in a mean together.
+        total: float64 [E], combined weight, by the linkage, of all original edges that this edge represents.
+        share: float64 [E], their combined weight in a mean.
         strength: float64 [E], `total`, or `total` / `share` if the linkage is the mean.
-        alive: bool [E], False once its two ends are one segment, or a parallel edge has absorbed it.
+        alive: bool [E], False once its two ends are in one segment, or a parallel edge has absorbed it.
         forbidden: bool [E], whether its two ends must never be joined.
     """
 
@@ -48,11 +48,11 @@ class _Incidence(NamedTuple):
     Edge e has two halves, 2 e and 2 e + 1, one in the list of each of its ends. The other half of h is h ^ 1.
 
     Attributes:
-        node: int64 [2 E], the node in whose list a half-edge is.
+        node: int64 [2 E], the node whose list contains a half-edge.
         following: int64 [2 E], the next half-edge in the same list; -1 after the last.
-        head: int64 [N], the first half-edge of each node; -1 in an empty list.
-        tail: int64 [N], its last.
-        degree: int64 [N], the length of its list. Edges that died since the list was made count, too.
+        head: int64 [N], the first half-edge of each node; -1 if the list is empty.
+        tail: int64 [N], the last half-edge of each node; -1 if the list is empty.
+        degree: int64 [N], the length of each list, including edges that died since the list was built.
     """
 
     node: NDArray[np.int64]
@@ -70,14 +70,14 @@ def agglomerate(
     share: NDArray[np.float64] | None = None,
     cannot_link: bool = False,
 ) -> NDArray[np.int64]:
-    """Partition a graph with signed edge weights by contracting its strongest edge again and again.
+    """Partition a graph with signed edge weights by contracting its strongest edge repeatedly.
 
-    Edges that become parallel are one from then on, of the strength that the linkage says. Without `cannot_link` the
-    edge of greatest strength is contracted as long as it is positive. With it, edges come in the order of their
-    absolute strength, and a negative one forbids its two segments, and all they become part of, to be joined ever.
+    Edges that become parallel are combined into one edge by the linkage. Without `cannot_link`, the strongest edge is
+    contracted as long as its strength is positive. With it, edges are processed in the order of their absolute
+    strength, and a negative edge forbids its two segments, and all segments that contain them, ever to be joined.
 
-    Equal strengths come in the order of the edges' ends, so the result does not depend on chance or on the order of the
-    pairs (but for the rounding of sums).
+    Edges of equal strength are processed in the order of their ends. The result is therefore deterministic and does not
+    depend on the order of the pairs, except through the rounding of sums.
 
     Args:
         num_nodes: Number of superpixels N.
@@ -86,8 +86,8 @@ def agglomerate(
         linkage: Strength of several edges between two segments: the `sum` of their weights (greedy additive edge
             contraction), the `mean` weighted by `share` (average linkage), or the weight of greatest absolute value
             (`absolute_maximum`, which with `cannot_link` is the mutex watershed).
-        share: float64 [E], positive, how much each edge counts in a mean; None for all the same. Only for `mean`.
-        cannot_link: Whether negative edges forbid.
+        share: float64 [E], positive, the weight of each edge in a mean; None for equal weights. Only for `mean`.
+        cannot_link: Whether a negative edge forbids its segments to be joined.
 
     Returns:
         int64 [N], segment of each superpixel, numbered in the order of first appearance.
@@ -102,7 +102,7 @@ def agglomerate(
     if not (key[1:] > key[:-1]).all():
         key, total, share = _without_repetitions(key, total, share, linkage)
     if linkage == "absolute_maximum":
-        # Signed ranks instead of weights: no two are equal, so a tie is decided once and for all, by the edges' order.
+        # Replace weights with signed ranks. No two are equal, so the order of the edges decides all ties in advance.
         rank = np.empty(len(total))
         rank[np.argsort(-np.abs(total), kind="stable")] = np.arange(len(total), 0, -1)
         total = np.where(total > 0, rank, -rank)
@@ -113,7 +113,7 @@ def agglomerate(
     head, tail = np.full((2, num_nodes), -1)
     incidence = _Incidence(node, np.empty_like(node), head, tail, np.zeros_like(head))
     parent = np.arange(num_nodes)
-    # An edge enters the heap once for itself and once for each edge that it absorbs.
+    # An edge is pushed once at the start and once for each edge that it absorbs.
     heap = Heap.with_room(2 * num_edges)
     _contract(edges, incidence, heap, parent, np.full_like(parent, -1), _CODES[linkage], cannot_link)
     return number_by_first_appearance(parent)
@@ -122,9 +122,9 @@ def agglomerate(
 def _without_repetitions(
     key: NDArray[np.int64], total: NDArray[np.float64], share: NDArray[np.float64], linkage: Linkage
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Sort edges by their key, and make one of all that have the same."""
+    """Sort edges by their key and combine those with the same key."""
     if linkage == "absolute_maximum":
-        # Of a repeated pair the strongest edge stays, of equally strong ones the attractive.
+        # Of a repeated pair, keep the strongest edge; if two are equally strong, the positive one.
         order = np.lexsort((-total, -np.abs(total), key))
         kept = order[np.concatenate([[True], key[order][1:] != key[order][:-1]])]
         return key[kept], total[kept], share[kept]
@@ -144,17 +144,17 @@ def _contract(
     linkage: int,
     cannot_link: bool,
 ) -> None:
-    """Contract edges greedily, the strongest first. All arrays are overwritten.
+    """Contract edges greedily, strongest first. All arrays are overwritten.
 
-    Strengths change while edges wait in the heap. It is not searched for them: an edge enters it again with its new
-    strength, and is passed over where it comes up with an old one.
+    When the strength of an edge changes, its heap entry is not searched for. The edge is pushed again with its new
+    strength, and the outdated entry is skipped when it is popped.
 
     Args:
         edges: The edges, all alive and none forbidden.
-        incidence: The nodes of the half-edges, and empty lists.
-        heap: Room for twice as many edges.
-        parent: int64 [N], 0 to N - 1; afterwards a representative of each node's segment.
-        edge_to: int64 [N] of -1 to work in.
+        incidence: The node of each half-edge, and empty lists.
+        heap: Heap with room for twice as many items as there are edges.
+        parent: int64 [N], initially 0 to N - 1; on return a representative of each node's segment.
+        edge_to: int64 [N] of -1, work space, see `_join_nodes`.
         linkage: One of _SUM, _MEAN and _ABSOLUTE_MAXIMUM.
         cannot_link: Whether negative edges forbid.
     """
@@ -164,6 +164,8 @@ def _contract(
     for edge in range(len(edges.total)):
         if cannot_link or edges.strength[edge] > 0:
             size = push(heap, size, abs(edges.strength[edge]), edge)
+    # Invariant: no two living edges join the same two segments. Each living edge that may still decide anything is in
+    # the heap with its current strength, perhaps beside outdated entries.
     while size > 0:
         strength, edge = heap.key[0], heap.item[0]
         size = pop(heap, size)
@@ -173,7 +175,7 @@ def _contract(
             edges.forbidden[edge] = cannot_link
             continue
         edges.alive[edge] = False
-        # The node with fewer edges goes, because each of them has to be moved.
+        # Remove the node with fewer edges, because each of them has to be moved.
         kept, gone = incidence.node[2 * edge], incidence.node[2 * edge + 1]
         if incidence.degree[kept] < incidence.degree[gone]:
             kept, gone = gone, kept
@@ -195,9 +197,13 @@ def _join_nodes(
     linkage: int,
     cannot_link: bool,
 ) -> int:
-    """Give the edges of the node `gone` to the node `kept`; returns the new size of the heap."""
+    """Move the edges of node `gone` to node `kept`, and return the new size of the heap.
+
+    While it runs, `edge_to` holds the edge from `kept` to each of its neighbours. An edge of `gone` to such a neighbour
+    is parallel to that edge and is absorbed by it.
+    """
     node, following = incidence.node, incidence.following
-    # Make the list of `kept` anew, without the edges that have died, and note which edge leads to which neighbour.
+    # Rebuild the list of `kept` without dead edges, and note which edge leads to which neighbour.
     half = incidence.head[kept]
     incidence.head[kept] = incidence.tail[kept] = -1
     incidence.degree[kept] = 0
@@ -230,7 +236,7 @@ def _join_nodes(
 
 @compiled(inline="always")
 def _append(incidence: _Incidence, node: int, half: int) -> None:
-    """Put a half-edge at the end of the list of a node."""
+    """Append a half-edge to the list of a node."""
     last = incidence.tail[node]
     if last < 0:
         incidence.head[node] = half
@@ -243,7 +249,7 @@ def _append(incidence: _Incidence, node: int, half: int) -> None:
 
 @compiled(inline="always")
 def _absorb(edges: _Edges, stays: int, goes: int, linkage: int) -> None:
-    """Combine two parallel edges into the one that stays."""
+    """Combine two parallel edges into `stays`; `goes` dies."""
     total, share = edges.total, edges.share
     if linkage == _ABSOLUTE_MAXIMUM:
         if abs(total[goes]) > abs(total[stays]):

@@ -1,4 +1,4 @@
-"""Signed weights of edges: how strongly each speaks for merging or for cutting."""
+"""Signed weights of edges: how strongly each edge favours merging or cutting."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 BorderWeight = Literal["length", "log", "none"]
-"""What an edge's vote counts: its border length, log(1 + border length), or 1."""
+"""Weight of an edge's vote: its border length, log(1 + border length), or 1."""
 
 EDGE_EPSILON = 1e-6
 
 
 def logit_weights(probability: ArrayLike, threshold: float, epsilon: float = EDGE_EPSILON) -> NDArray[np.float64]:
-    """Signed weight logit(p) - logit(threshold) of each edge, float64 [E].
+    """Return the signed weight logit(p) - logit(threshold) of each edge, float64 [E].
 
     Args:
         probability: float [E], merge probabilities.
-        threshold: Merge probability at which an edge is indifferent.
+        threshold: Merge probability at which the weight is 0.
         epsilon: Probabilities are clipped to [epsilon, 1 - epsilon].
     """
     p = np.clip(np.asarray(probability, dtype=np.float64), epsilon, 1 - epsilon)
@@ -27,7 +27,7 @@ def logit_weights(probability: ArrayLike, threshold: float, epsilon: float = EDG
 
 
 def border_share(border_length: ArrayLike, border_weight: BorderWeight) -> NDArray[np.float64]:
-    """What the vote of each edge counts, float64 [E].
+    """Return the weight of each edge's vote, float64 [E].
 
     Args:
         border_length: float [E], pixels.
@@ -40,10 +40,10 @@ def border_share(border_length: ArrayLike, border_weight: BorderWeight) -> NDArr
 
 
 def check_border_weight(border_weight: BorderWeight) -> BorderWeight:
-    """Check what the votes of edges count by.
+    """Check that a border weight is one of the three known ones, and return it.
 
     Raises:
-        ValueError: If it isn't one of the three.
+        ValueError: If it isn't.
     """
     if border_weight not in ("length", "log", "none"):
         raise ValueError(f"border_weight must be 'length', 'log' or 'none', got {border_weight!r}")

@@ -1,7 +1,7 @@
 """A binary heap on arrays, for compiled loops.
 
-As `heapq` does it, but without a list of tuples to build for every graph, which would take a fifth of a partition's
-time. The heap does not know its size: the caller keeps it, and hands it to every call.
+It works like `heapq`, but needs no list of tuples per graph; building that list would take a fifth of the time of a
+partition. The heap does not store its size: the caller keeps it and passes it to every call.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from sgbd.machine.compiled import compiled
 
 
 class Heap(NamedTuple):
-    """Items in order of their keys: the greatest key comes first, of equal keys the lowest item.
+    """Items ordered by key: the largest key comes first; among equal keys, the lowest item.
 
     Attributes:
         key: float64 [room].
@@ -27,13 +27,13 @@ class Heap(NamedTuple):
 
     @classmethod
     def with_room(cls, room: int) -> Heap:
-        """Return an empty heap for as many items as `room` says."""
+        """Return an empty heap with room for this many items."""
         return cls(np.empty(room), np.empty(room, dtype=np.int64))
 
 
 @compiled
 def push(heap: Heap, size: int, key: float, item: int) -> int:
-    """Put an item into a heap of `size` items; returns the new size."""
+    """Push an item onto a heap of `size` items, and return the new size."""
     keys, items = heap
     here = size
     while here > 0:
@@ -48,7 +48,7 @@ def push(heap: Heap, size: int, key: float, item: int) -> int:
 
 @compiled
 def pop(heap: Heap, size: int) -> int:
-    """Take the first item, which is `heap.item[0]`, out of a heap of `size` items; returns the new size."""
+    """Remove the first item, which is `heap.item[0]`, from a heap of `size` items, and return the new size."""
     keys, items = heap
     size -= 1
     key, item = keys[size], items[size]

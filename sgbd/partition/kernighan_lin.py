@@ -16,16 +16,17 @@ from sgbd.partition.multicut import GreedyMulticut, greedy_additive_edge_contrac
 from sgbd.partition.partitioner import number_by_first_appearance
 
 PATIENCE = 50
-"""Moves between two segments without a new best after which no further ones are tried."""
+"""Stop moving superpixels between two segments after this many moves without a new best."""
 
 
 class Multicut(GreedyMulticut):
     """Greedy additive edge contraction, then Kernighan-Lin moves with joins (KLj).
 
-    What the greedy contraction joined too early can be taken back: between every two neighbouring segments superpixels
-    change sides one after another, those first that gain most or cost least, and the best beginning of that sequence
-    is kept; or the two are joined, or a segment is split. M. Keuper et al., "Efficient decomposition of image and mesh
-    graphs by lifted multicuts", ICCV 2015, algorithm 2, doi:10.1109/ICCV.2015.204.
+    The refinement can undo joins that the greedy contraction made too early. For every two neighbouring segments,
+    superpixels change sides one after another, those with the largest gain (or smallest loss) first, and the best
+    prefix of that sequence is kept. Alternatively the two segments are joined, or a segment is split. M. Keuper et al.,
+    "Efficient decomposition of image and mesh graphs by lifted multicuts", ICCV 2015, algorithm 2,
+    doi:10.1109/ICCV.2015.204.
 
     The cost of the result is never above that of `GreedyMulticut`.
 
@@ -34,7 +35,7 @@ class Multicut(GreedyMulticut):
         border_weight: As in `GreedyMulticut`.
         epsilon: As in `GreedyMulticut`.
         objectness_weight: As in `GreedyMulticut`.
-        max_rounds: Rounds over all pairs of segments that have changed; 0 leaves the greedy partition as it is.
+        max_rounds: Maximum number of rounds over all pairs of changed segments; 0 keeps the greedy partition.
     """
 
     def __init__(
@@ -65,7 +66,7 @@ def kernighan_lin(
         pairs: int64 [2, E], ends of each edge, no loops.
         weight: float64 [E], positive for merging.
         segment: int64 [N], the partition to start from.
-        max_rounds: Rounds over all pairs of segments that have changed.
+        max_rounds: Maximum number of rounds over all pairs of changed segments.
 
     Returns:
         int64 [N], a partition into connected segments that costs no more, numbered in the order of first appearance.
@@ -74,10 +75,10 @@ def kernighan_lin(
         return number_by_first_appearance(segment)
     refined = number_by_first_appearance(segment)
     _refine(_Graph.of(pairs, weight, len(segment)), refined, max_rounds)
-    # A superpixel that moved may have held two parts of its segment together.
+    # A superpixel that moved may have connected two parts of its old segment.
     inner = pairs[:, refined[pairs[0]] == refined[pairs[1]]]
     refined = connected_components(len(refined), inner)
-    # Gains are sums in another order than costs; where they differ by rounding alone, nothing was gained.
+    # Gains and costs sum in different orders. If the supposed gain was only rounding, return the original partition.
     better = multicut_cost(pairs, weight, refined) <= multicut_cost(pairs, weight, segment)
     return refined if better else number_by_first_appearance(segment)
 
@@ -87,9 +88,9 @@ class _Graph(NamedTuple):
 
     Attributes:
         offset: int64 [N + 1].
-        source: int64 [2 E], ascending: where each directed edge starts.
-        target: int64 [2 E], where it leads.
-        weight: float64 [2 E].
+        source: int64 [2 E], ascending: the start of each directed edge.
+        target: int64 [2 E], its end.
+        weight: float64 [2 E], its weight.
     """
 
     offset: NDArray[np.int64]
@@ -99,6 +100,7 @@ class _Graph(NamedTuple):
 
     @classmethod
     def of(cls, pairs: NDArray[np.int64], weight: NDArray[np.float64], num_nodes: int) -> _Graph:
+        """Build the graph from the ends of undirected edges, int64 [2, E], and their weights, float64 [E]."""
         source, target = np.concatenate([pairs, pairs[::-1]], axis=1)
         # Canonical order, so that neither the order nor the direction of the pairs decides between equal moves.
         order = np.lexsort((target, source))
@@ -107,13 +109,13 @@ class _Graph(NamedTuple):
 
 
 class _Work(NamedTuple):
-    """What moving superpixels between two segments is worked out in; nothing in it outlasts a call of `_improve`.
+    """Work space for moving superpixels between two segments; nothing in it outlasts a call of `_improve`.
 
     Attributes:
-        gain: float64 [N], by how much it lowers the cost to move a superpixel to the other segment.
+        gain: float64 [N], the decrease in cost if a superpixel moves to the other segment.
         moved: bool [N], whether it has been moved.
         sequence: int64 [N], the superpixels in the order in which they were moved.
-        heap: Superpixels by gain; some wait in it with gains that have changed since.
+        heap: Superpixels by gain; entries whose gain has changed since are outdated.
     """
 
     gain: NDArray[np.float64]
@@ -123,20 +125,21 @@ class _Work(NamedTuple):
 
     @classmethod
     def for_graph(cls, graph: _Graph) -> _Work:
+        """Allocate the work space for a graph."""
         num_nodes = len(graph.offset) - 1
-        # A superpixel enters the heap once for itself and once for every neighbour that moves.
+        # A superpixel is pushed once at the start and once for every neighbour that moves.
         heap = Heap.with_room(len(graph.target) + num_nodes)
         return cls(np.zeros(num_nodes), np.zeros(num_nodes, np.bool_), np.empty(num_nodes, np.int64), heap)
 
 
 def _refine(graph: _Graph, segment: NDArray[np.int64], max_rounds: int) -> None:
-    """Improve a partition in place, until nothing gains any more."""
+    """Improve a partition in place until no change lowers the cost."""
     num_nodes = len(segment)
-    # A label without members is free for the next split.
+    # There are N labels; one without members is free for the next split.
     members = LinkedLists.empty(num_nodes, num_nodes)
     _list_members(segment, members)
     work = _Work.for_graph(graph)
-    # Gains below are what rounding leaves over.
+    # Smaller gains are rounding errors.
     tolerance = 1e-12 * float(np.abs(graph.weight).sum())
     changed = np.ones(num_nodes, dtype=np.bool_)
     for _ in range(max_rounds):
@@ -152,6 +155,7 @@ def _refine(graph: _Graph, segment: NDArray[np.int64], max_rounds: int) -> None:
 
 @compiled
 def _list_members(segment: NDArray[np.int64], members: LinkedLists) -> None:
+    """Fill the lists of the superpixels in each segment."""
     for node in range(len(segment)):
         prepend(members, segment[node], node)
 
@@ -166,20 +170,20 @@ def _improve_borders(
     tolerance: float,
     changed: NDArray[np.bool_],
 ) -> None:
-    """Improve neighbouring segments, two by two; marks those that `changed`.
+    """Improve neighbouring segments, two at a time, and mark those that `changed`.
 
     Args:
         borders: int64 [B], a · N + b for segments a < b that touched at the beginning of the round.
         graph: The graph.
-        segment: int64 [N], segment of each superpixel; changed, as the following.
-        members: Superpixels of each segment.
-        work: To work in.
-        tolerance: What counts as no gain.
-        changed: bool [N], by segment.
+        segment: int64 [N], segment of each superpixel; updated.
+        members: Superpixels of each segment; updated.
+        work: Work space.
+        tolerance: Gains up to this count as none.
+        changed: bool [N], by segment; updated.
     """
     for border in borders:
         a, b = border // len(segment), border % len(segment)
-        # One may have been joined with another meanwhile.
+        # A segment is empty if it was joined with another one earlier in this round.
         if members.head[a] >= 0 and members.head[b] >= 0 and _improve(a, b, graph, segment, members, work, tolerance):
             changed[a] = changed[b] = True
 
@@ -194,7 +198,8 @@ def _split_segments(
     tolerance: float,
     changed: NDArray[np.bool_],
 ) -> None:
-    """Split segments that changed in the last round (`before`) or in this one; else as `_improve_borders`."""
+    """Split segments that changed in the last round (`before`) or in this one; else like `_improve_borders`."""
+    # `empty` is the first label that may be free; labels below it are known to be in use.
     empty = 0
     for a in range(len(segment)):
         if members.head[a] < 0 or not (before[a] or changed[a]):
@@ -218,14 +223,17 @@ def _improve(
     work: _Work,
     tolerance: float,
 ) -> bool:
-    """Move superpixels between the segments a and b (which may be empty), or join them; says whether it gained."""
+    """Move superpixels between segments a and b (b may be empty), or join them; return whether the cost fell."""
     between, size = _weigh_moves(a, b, graph, segment, members, work)
     gains, moved, sequence, heap = work
+    # Move greedily, at a loss too, and remember the best state. `total` is the gain of the first `length` moves, and
+    # `best` that of the first `best_length`, the best prefix so far.
     total = best = 0.0
     length = best_length = 0
     while size > 0 and length - best_length < PATIENCE:
         gain, node = heap.key[0], heap.item[0]
         size = pop(heap, size)
+        # Skip outdated entries.
         if moved[node] or gain != gains[node]:
             continue
         size = _move_and_weigh(node, a, b, graph, segment, members, work, size)
@@ -235,7 +243,7 @@ def _improve(
         if total > best + tolerance:
             best, best_length = total, length
     join = between > tolerance and between >= best
-    # Take back what came after the best state, or all if joining is better still.
+    # Undo the moves after the best state, or all of them if joining is at least as good.
     for k in range(length - 1, -1 if join else best_length - 1, -1):
         node = sequence[k]
         _move(node, b if segment[node] == a else a, segment, members)
@@ -248,10 +256,10 @@ def _improve(
 def _weigh_moves(
     a: int, b: int, graph: _Graph, segment: NDArray[np.int64], members: LinkedLists, work: _Work
 ) -> tuple[float, int]:
-    """Work out what moving each superpixel of two segments to the other gains, and put those at the border in the heap.
+    """Compute the gain of moving each superpixel of two segments to the other one, and push those at the border.
 
-    The gain is the sum of the weights to the other segment less those to its own. If a segment is empty, every
-    superpixel of the other may begin it.
+    The gain is the sum of the weights to the other segment minus those to its own. If one segment is empty, every
+    superpixel of the other may be the first to move into it, so all are pushed.
 
     Returns:
         The sum of the weights between the two segments, and the size of the heap.
@@ -285,7 +293,7 @@ def _weigh_moves(
 def _move_and_weigh(
     node: int, a: int, b: int, graph: _Graph, segment: NDArray[np.int64], members: LinkedLists, work: _Work, size: int
 ) -> int:
-    """Move a superpixel to the other segment, and put its neighbours in the heap with what moving them gains now.
+    """Move a superpixel to the other segment, and push its neighbours with their new gains.
 
     Returns:
         The new size of the heap.
@@ -298,6 +306,7 @@ def _move_and_weigh(
     for k in range(offset[node], offset[node + 1]):
         other = target[k]
         if (segment[other] == a or segment[other] == b) and not moved[other]:
+            # The edge's weight moves between the two sums whose difference is the gain, so it counts twice.
             gain[other] += 2 * weight[k] if segment[other] == here else -2 * weight[k]
             size = push(work.heap, size, gain[other], other)
     return size

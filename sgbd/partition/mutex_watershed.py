@@ -1,4 +1,4 @@
-"""Mutex watershed: the surest edges decide first, for merging or against it for good."""
+"""Mutex watershed: the most certain edges decide first, and a decision not to merge is final."""
 
 from __future__ import annotations
 
@@ -11,22 +11,23 @@ from sgbd.partition.threshold_partitioner import SignedWeightPartitioner
 
 
 class MutexWatershed(SignedWeightPartitioner):
-    """Goes through the edges from the surest to the least sure one; each either joins or forbids to join.
+    """Processes edges from the most to the least certain; each either joins its segments or forbids them to be joined.
 
-    An edge above the threshold joins its two segments, unless that is forbidden; one below forbids them, and all that
-    they become part of, to be joined. S. Wolf, A. Bailoni, C. Pape, N. Rahaman, A. Kreshuk, U. Köthe, F. A. Hamprecht,
-    "The mutex watershed and its objective: efficient, parameter-free graph partitioning", IEEE TPAMI 43(10), 2021,
-    doi:10.1109/TPAMI.2020.2980827. One sure cut outweighs any number of doubtful merges, and the other way round.
+    An edge above the threshold joins its two segments unless that is forbidden. An edge below it forbids its segments,
+    and all segments that contain them, to be joined. One certain cut outweighs any number of doubtful merges, and the
+    other way round. S. Wolf, A. Bailoni, C. Pape, N. Rahaman, A. Kreshuk, U. Köthe, F. A. Hamprecht, "The mutex
+    watershed and its objective: efficient, parameter-free graph partitioning", IEEE TPAMI 43(10), 2021,
+    doi:10.1109/TPAMI.2020.2980827.
 
-    An edge is as sure as |logit(p) - logit(threshold)| · s is large, where s is 1, the border length or log(1 + border
-    length). Equally sure edges come in the order of their ends.
+    The certainty of an edge is |logit(p) - logit(threshold)| · s, where s is 1, the border length or log(1 + border
+    length). Equally certain edges are processed in the order of their ends.
 
     Args:
-        threshold: Merge probability at which an edge is indifferent.
+        threshold: Merge probability at which an edge has weight 0.
         border_weight: "none", "length" or "log".
         epsilon: Probabilities are clipped to [epsilon, 1 - epsilon].
-        objectness_weight: How much differing objectness lowers the probability of an edge, see
-            `sgbd.partition.partitioner.joint_probability`; 0 for not at all.
+        objectness_weight: How much a difference in objectness lowers the probability of an edge, see
+            `sgbd.partition.partitioner.joint_probability`; 0 ignores objectness.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""What a partition of a superpixel graph is given and gives back."""
+"""The interface of a partition: what it is given and what it returns."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Partitioner(Protocol):
             num_nodes: Number of superpixels N.
             pairs: int [2, E], the two ends of each edge; either order, no edge from a superpixel to itself.
             probability: float [E], probability that the two ends belong to one instance.
-            border_length: float [E], pixels along which the two ends touch.
+            border_length: float [E], length of the common border of the two ends, pixels.
             objectness: float [N], probability that each superpixel belongs to an object; None if it is not known.
 
         Returns:
@@ -37,11 +37,11 @@ class Partitioner(Protocol):
 def check_graph(
     num_nodes: int, pairs: ArrayLike, probability: ArrayLike, border_length: ArrayLike
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Check the input of a `Partitioner` and bring it to int64 [2, E], float64 [E] and float64 [E].
+    """Check the input of a `Partitioner`, and return pairs, probability and border length as int64, float64, float64.
 
     Raises:
         ValueError: If shapes disagree, an end isn't a superpixel, an edge joins a superpixel with itself, a
-            probability isn't in 0 to 1 or a border length isn't a finite number from 0 on.
+            probability isn't in 0 to 1, or a border length is negative or not finite.
     """
     ends = np.asarray(pairs, dtype=np.int64)
     merge = np.asarray(probability, dtype=np.float64)
@@ -76,20 +76,20 @@ def check_graph(
 def joint_probability(
     pairs: NDArray[np.int64], probability: NDArray[np.float64], objectness: ArrayLike | None, weight: float
 ) -> NDArray[np.float64]:
-    """Lower the merge probability of superpixels that differ in being an object.
+    """Lower the merge probability of superpixels that differ in objectness.
 
     An object and the table beneath it are never one instance. So the probability p of an edge becomes
-    p · (1 - |o_i - o_j|)^weight, with the objectness o of its ends: the edge must speak for merging, and the ends must
-    agree on what they are.
+    p · (1 - |o_i - o_j|)^weight, where o is the objectness of its ends: two superpixels are merged only if the edge
+    favours it and both ends are objects or both are not.
 
     Args:
         pairs: int64 [2, E].
-        probability: float64 [E], of the edges alone.
+        probability: float64 [E], merge probabilities from the edges alone.
         objectness: float [N], 0 to 1; None if it is not known.
-        weight: How much the objectness says; 0 for nothing.
+        weight: Influence of the objectness; 0 for none.
 
     Returns:
-        float64 [E], 0 to 1; the given one if the objectness says nothing.
+        float64 [E], 0 to 1; `probability` itself if there is no objectness or `weight` is 0.
 
     Raises:
         ValueError: If an objectness isn't in 0 to 1 or there are too few for the pairs.
@@ -108,10 +108,10 @@ def joint_probability(
 
 
 def number_by_first_appearance(group: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Rename groups to 0, 1, 2 … in the order in which they first appear.
+    """Renumber groups to 0, 1, 2 … in the order in which they first appear.
 
     Args:
-        group: int [N], any name of each superpixel's group.
+        group: int [N], any id of each superpixel's group.
 
     Returns:
         int64 [N].

@@ -1,4 +1,4 @@
-"""What the partitioners of this package share: a threshold, a say of the objectness, and signed weights of edges."""
+"""Base classes of the partitioners here: a threshold, the influence of objectness, and signed weights of edges."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from sgbd.partition.partitioner import check_graph, joint_probability
 
 
 class ThresholdPartitioner(ABC):
-    """Checks a graph and brings in the objectness, before a subclass partitions it.
+    """Checks a graph and applies the objectness before a subclass partitions it.
 
     Args:
-        threshold: Merge probability from which edges speak for merging.
-        objectness_weight: How much differing objectness lowers the probability of an edge, see
-            `sgbd.partition.partitioner.joint_probability`; 0 for not at all.
+        threshold: Merge probability above which an edge favours merging.
+        objectness_weight: How much a difference in objectness lowers the probability of an edge, see
+            `sgbd.partition.partitioner.joint_probability`; 0 ignores objectness.
 
     Raises:
         ValueError: If the threshold isn't between 0 and 1 (both excluded), or the weight is negative or not finite.
@@ -53,7 +53,7 @@ class ThresholdPartitioner(ABC):
         probability: NDArray[np.float64],
         border_length: NDArray[np.float64],
     ) -> NDArray[np.int64]:
-        """Partition a graph that has been checked; arguments and result as for `sgbd.partition.Partitioner`."""
+        """Partition a checked graph; arguments and result as in `sgbd.partition.Partitioner`."""
 
     def __repr__(self) -> str:
         arguments = inspect.signature(type(self)).parameters
@@ -61,11 +61,11 @@ class ThresholdPartitioner(ABC):
 
 
 class SignedWeightPartitioner(ThresholdPartitioner):
-    """Gives every edge the weight (logit(p) - logit(threshold)) · s: above 0 it speaks for merging, below for cutting.
+    """Gives every edge the weight (logit(p) - logit(threshold)) · s: positive favours merging, negative cutting.
 
     Args:
-        threshold: Merge probability at which an edge is indifferent.
-        border_weight: What s is: "length", the border length, "log", log(1 + border length), or "none", 1.
+        threshold: Merge probability at which an edge has weight 0.
+        border_weight: Choice of s: "length", the border length; "log", log(1 + border length); or "none", 1.
         epsilon: Probabilities are clipped to [epsilon, 1 - epsilon], so that 0 and 1 have finite weights.
         objectness_weight: As in `ThresholdPartitioner`.
 
@@ -93,11 +93,11 @@ class SignedWeightPartitioner(ThresholdPartitioner):
         probability: NDArray[np.float64],
         border_length: NDArray[np.float64],
     ) -> NDArray[np.int64]:
-        """Partition a graph that has been checked."""
+        """Partition a checked graph."""
         return self.solve(num_nodes, pairs, self.weights(probability, border_length))
 
     def weights(self, probability: ArrayLike, border_length: ArrayLike) -> NDArray[np.float64]:
-        """Signed weight of each edge, float64 [E]: positive for merging, negative for cutting.
+        """Return the signed weight of each edge, float64 [E]: positive for merging, negative for cutting.
 
         Args:
             probability: float [E], merge probabilities.
