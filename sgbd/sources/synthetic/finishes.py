@@ -1,4 +1,4 @@
-"""Random textures for objects, by what the thing is made of."""
+"""Draw random textures for materials: plastic, metal, ceramic, cloth, wood, glass and labels."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ def seed_of(rng: np.random.Generator) -> int:
 
 
 def plastic(rng: np.random.Generator, color: colors.Color | None = None) -> Texture:
-    """Smooth and slightly shiny, one colour."""
+    """Draw a plastic texture: one colour, smooth and slightly shiny."""
     chosen = colors.any_color(rng) if color is None else color
     return Plain(chosen, grain=0.02, scale=0.01, seed=seed_of(rng), gloss=rng.uniform(0.15, 0.5))
 
 
 def metallic(rng: np.random.Generator, color: colors.Color | None = None) -> Texture:
-    """Brushed metal: fine streaks, strong highlights."""
+    """Draw brushed metal: fine streaks and strong highlights."""
     chosen = colors.metal(rng) if color is None else color
     pair = np.stack([chosen * np.float32(0.95), chosen * np.float32(1.03)])
     return Speckled(pair, (0.002, 0.03, 0.03), 0.0, seed_of(rng), gloss=rng.uniform(0.5, 0.9))
 
 
 def ceramic(rng: np.random.Generator) -> Texture:
-    """Glazed: plain, dipped, striped or speckled."""
+    """Draw glazed ceramic: plain, dipped, striped or speckled."""
     first = colors.any_color(rng)
     second = colors.contrasting(rng, first)
     gloss = rng.uniform(0.3, 0.7)
@@ -52,7 +52,7 @@ def ceramic(rng: np.random.Generator) -> Texture:
 
 
 def cloth(rng: np.random.Generator) -> Texture:
-    """Fabric: plain, striped, checked, mottled or with a print."""
+    """Draw fabric: plain, striped, checked, mottled or printed."""
     first = colors.any_color(rng)
     second = colors.contrasting(rng, first)
     pair = np.stack([first, second])
@@ -72,7 +72,7 @@ def cloth(rng: np.random.Generator) -> Texture:
 
 
 def casing(rng: np.random.Generator) -> Texture:
-    """Housing of an appliance: white, grey, black, steel, now and then a colour."""
+    """Draw the casing of an appliance: white, grey, black, steel or, rarely, coloured."""
     kind = rng.choice(5, p=(0.35, 0.15, 0.2, 0.15, 0.15))
     if kind == 3:
         return metallic(rng)
@@ -81,18 +81,18 @@ def casing(rng: np.random.Generator) -> Texture:
 
 
 def wooden(rng: np.random.Generator, along: int | None = None) -> Texture:
-    """One piece of wood."""
+    """Draw solid wood; `along` is the axis of the grain (0, 1 or 2), random if None."""
     axis = int(rng.integers(3)) if along is None else along
     return Wood(colors.wood(rng), axis, contrast=rng.uniform(0.3, 0.8), seed=seed_of(rng), gloss=rng.uniform(0, 0.3))
 
 
 def glass_dark(rng: np.random.Generator) -> Texture:
-    """Dark polished glass."""
+    """Draw dark polished glass."""
     return Plain(colors.dark(rng) * np.float32(0.7), 0.0, gloss=0.9)
 
 
 def wrapped(rng: np.random.Generator, low: float, high: float, base: Texture, repeats: int | None = None) -> Texture:
-    """A printed label around the z axis between two heights in metres."""
+    """Draw a printed label around the z axis between the heights `low` and `high`, metres; `base` elsewhere."""
     times = int(rng.integers(1, 4)) if repeats is None else repeats
     image = prints.label(rng, 384, 128, times)
     return Printed(image, base, "around", (-np.pi, low), (np.pi, high), gloss=base.gloss)

@@ -1,4 +1,4 @@
-"""Furniture and small things that fill a room, with random proportions and surfaces."""
+"""Generate furniture and decoration of a room with random proportions and surfaces."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from sgbd.sources.synthetic.textures import Plain, Printed, Speckled, Texture
 
 @dataclass(frozen=True, eq=False)
 class Furniture:
-    """Things that stand on the floor: the origin is the middle of their foot, their front faces -y.
+    """A piece of furniture on the floor; the origin is the centre of its footprint and its front faces -y.
 
     Attributes:
-        parts: In the furniture's own frame.
+        parts: Parts in the furniture's own frame.
         width: Length along x, metres.
         depth: Length along y, metres.
     """
@@ -38,7 +38,7 @@ class Furniture:
 
 
 def chair(rng: np.random.Generator, table_height: float) -> Furniture:
-    """Return a chair whose seat suits a table of some height, metres."""
+    """Return a chair whose seat height matches a table height in metres."""
     seat = 0.6 * table_height
     width, depth, back = rng.uniform(0.38, 0.44), rng.uniform(0.38, 0.44), seat + rng.uniform(0.32, 0.5)
     frame = finishes.wooden(rng, 2) if rng.random() < 0.6 else finishes.plastic(rng)
@@ -68,7 +68,7 @@ def chair(rng: np.random.Generator, table_height: float) -> Furniture:
 
 
 def cupboard(rng: np.random.Generator) -> Furniture:
-    """Return a cupboard with doors; on a low one stands clutter."""
+    """Return a cupboard with doors; low ones carry clutter."""
     width, depth = rng.uniform(0.5, 1.3), rng.uniform(0.35, 0.55)
     height = rng.uniform(0.7, 2.1)
     body = finishes.wooden(rng, 2) if rng.random() < 0.6 else finishes.casing(rng)
@@ -108,7 +108,7 @@ def shelf(rng: np.random.Generator) -> Furniture:
 
 
 def _books(width: float, depth: float, z: float, room: float, rng: np.random.Generator) -> list[Part]:
-    """Return books in a few colours, each colour one part."""
+    """Return books in four colours, one part per colour."""
     palette = [Plain(colors.any_color(rng), 0.05, 0.02, gloss=0.1) for _ in range(4)]
     piles: list[list] = [[] for _ in palette]
     at = -width / 2 + rng.uniform(0, 0.3) * width
@@ -220,7 +220,7 @@ def lamp(rng: np.random.Generator) -> Furniture:
 
 
 def floor_thing(rng: np.random.Generator) -> Furniture:
-    """Return what may stand anywhere on the floor: a plant, a chair, a pile of cardboard boxes."""
+    """Return an item for any place on the floor: a plant, a chair or a pile of cardboard boxes."""
     kind = rng.integers(4)
     if kind == 0:
         return plant(rng)
@@ -272,7 +272,7 @@ def _clutter(area: tuple[float, float], z: float, rng: np.random.Generator) -> l
 
 
 def wall_decoration(rng: np.random.Generator) -> list[Part]:
-    """Return a framed picture, a shelf board, a socket or a clock, in the frame of a wall at y = 0 seen from -y."""
+    """Return a framed picture, a shelf board, a socket or a clock; the wall is the plane y = 0, seen from -y."""
     kind = rng.choice(4, p=(0.55, 0.2, 0.15, 0.1))
     if kind == 0:
         width, height = rng.uniform(0.25, 0.8), rng.uniform(0.25, 0.6)
@@ -307,4 +307,4 @@ def wall_decoration(rng: np.random.Generator) -> list[Part]:
 
 
 WALL_FURNITURE = (cupboard, cupboard, shelf, shelf, sofa, door, plant, lamp)
-"""What may stand along a wall; cupboards and shelves twice as often as the rest."""
+"""Furniture placed along walls; cupboards and shelves are twice as frequent as the rest."""

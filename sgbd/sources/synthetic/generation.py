@@ -1,4 +1,4 @@
-"""Writing a synthetic dataset: scene by scene, in processes, each scene whole or not at all."""
+"""Generate a synthetic dataset on disk, scene by scene in worker processes; each scene is written atomically."""
 
 from __future__ import annotations
 
@@ -31,29 +31,30 @@ LISTS = {split: f"{split}.txt" for split in FOLDERS}
 
 
 class GenerationError(RuntimeError):
-    """A scene that could not be made or written; what was finished before stays and is not made again."""
+    """A scene could not be generated or written; finished scenes are kept and not generated again."""
 
 
 def is_complete(root: Path, recipe: Recipe) -> bool:
-    """Say whether a folder holds all frames of a recipe."""
+    """Return whether a folder contains all frames of a recipe."""
     return _stored_recipe(root) == recipe.as_dict() and all((root / name).is_file() for name in LISTS.values())
 
 
 def generate(root: Path, recipe: Recipe, workers: int | None = None, progress: bool = True) -> None:
-    """Write all frames of a recipe that are not there yet.
+    """Write all frames of a recipe that do not exist yet.
 
-    Two processes that generate the same dataset don't disturb each other: the second waits and finds it done. What is
-    killed continues where it stopped.
+    Processes that generate the same dataset at the same time do not conflict: the second one waits until the first has
+    finished. An interrupted generation resumes where it stopped.
 
     Args:
-        root: Folder of this dataset alone.
-        recipe: What to make.
-        workers: Processes; None for one a core, 0 for this one alone. It does not change the frames.
+        root: Folder of this dataset only.
+        recipe: The dataset to generate.
+        workers: Number of worker processes; None for one per core, 0 to run in this process. The frames do not depend
+            on it.
         progress: Whether to show a progress bar.
 
     Raises:
-        MissingExtraError: If the packages for it are not installed.
-        GenerationError: If a scene cannot be made, or the disk is full.
+        MissingExtraError: If a required package is not installed.
+        GenerationError: If a scene cannot be generated, or the folder cannot be written.
     """
     if is_complete(root, recipe):
         return
@@ -75,10 +76,10 @@ def generate(root: Path, recipe: Recipe, workers: int | None = None, progress: b
 
 
 def require_extra() -> None:
-    """Check that the packages which make frames are there.
+    """Check that the packages needed for generating frames are installed.
 
     Raises:
-        MissingExtraError: If one is not; the message says how to install it.
+        MissingExtraError: If one is missing; the message says how to install it.
     """
     for package in ("embreex.rtcore_scene", "mujoco", "trimesh"):
         try:
@@ -91,16 +92,16 @@ def require_extra() -> None:
 
 
 def write_scene(root: Path, recipe: Recipe, split: str, number: int) -> Path:
-    """Make one scene and put it in its place in one step.
+    """Generate one scene and move it to its folder atomically.
 
     Args:
         root: Folder of the dataset.
-        recipe: What to make.
+        recipe: The dataset to generate.
         split: `train`, `val` or `test`.
-        number: Which scene of the split.
+        number: Index of the scene in the split.
 
     Returns:
-        The scene's folder.
+        Folder of the scene.
     """
     from sgbd.sources.synthetic.scene import arrange, photograph
 
@@ -117,7 +118,7 @@ def write_scene(root: Path, recipe: Recipe, split: str, number: int) -> Path:
         names = [shape.category for shape in arrangement.shapes]
         category_of = np.zeros(256, dtype=np.uint8)
         category_of[1] = TABLE_CATEGORY
-        # Packaging and made-up things have no category.
+        # Packaging and made-up objects have no category.
         category_of[2 : 2 + len(names)] = [
             TOD_CATEGORIES.index(name) + 1 if name in TOD_CATEGORIES else 0 for name in names
         ]

@@ -1,4 +1,4 @@
-"""Random sizes: small ones as often as large ones."""
+"""Draw random numbers on a logarithmic scale."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
     """Draw a number whose logarithm is uniformly distributed.
 
     Args:
-        rng: Source of randomness.
-        low: Least number, above 0.
-        high: Greatest number.
+        rng: Random generator.
+        low: Smallest value, above 0.
+        high: Largest value.
     """
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))

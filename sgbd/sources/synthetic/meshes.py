@@ -1,4 +1,4 @@
-"""Closed triangle meshes from which the parametric objects and the furniture are put together."""
+"""Closed triangle meshes that objects and furniture are built from."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _BOX_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1,
 
 
 def box(size: Vector, center: Vector = (0, 0, 0), bevel: float = 0.0) -> trimesh.Trimesh:
-    """Return a box with its edges cut off.
+    """Return a box with bevelled edges.
 
     Args:
         size: Lengths along x, y, z, metres.
-        center: Where its middle lies.
-        bevel: How much of each edge is cut off, metres; at most 45 % of the smallest length.
+        center: Centre of the box.
+        bevel: Width of the bevel, metres; limited to 45 % of the smallest length.
     """
     half = np.asarray(size, dtype=np.float64) / 2
     bevel = min(bevel, 0.9 * float(half.min()))
@@ -46,7 +46,7 @@ def hull(points: Vector) -> trimesh.Trimesh:
 
 
 def block(corners: Points) -> trimesh.Trimesh:
-    """Return the solid with the eight corners of a `frustum`, much faster than a hull."""
+    """Return the solid with the eight corners of a `frustum`; much faster than `hull`."""
     faces = [
         [0, 1, 3],
         [0, 3, 2],
@@ -71,14 +71,14 @@ def frustum(
     shift: tuple[float, float] = (0, 0),
     at: Vector = (0, 0, 0),
 ) -> Points:
-    """Return the eight corners [8, 3] of a box whose top differs from its bottom.
+    """Return the eight corners [8, 3] of a box whose top and bottom may differ in size and position.
 
     Args:
-        bottom: Lengths along x and y of the bottom, metres.
-        top: The same of the top.
-        height: From bottom to top.
-        shift: Where the middle of the top lies over that of the bottom.
-        at: Middle of the bottom.
+        bottom: Lengths of the bottom along x and y, metres.
+        top: Lengths of the top along x and y, metres.
+        height: Distance from bottom to top.
+        shift: Offset in x and y of the top's centre from the bottom's centre.
+        at: Centre of the bottom.
     """
     corners = []
     for (lx, ly), (sx, sy), z in ((np.asarray(bottom), (0, 0), 0.0), (np.asarray(top), shift, height)):
@@ -87,14 +87,14 @@ def frustum(
 
 
 def lathe(profile: Vector, sections: int = 28, squash: float = 1.0) -> trimesh.Trimesh:
-    """Turn a profile about the z axis.
+    """Return the solid of revolution of a profile about the z axis.
 
     Args:
-        profile: (radius, height) [n, 2], counter-clockwise about the solid when seen with the radius to the right:
-            from the axis along the bottom, up the outside, and back to the axis along the top or the inner wall.
-            A profile that ends where it starts makes a ring.
+        profile: (radius, height) [n, 2], counter-clockwise around the solid with the radius pointing right: from the
+            axis along the bottom, up the outside, and back to the axis along the top or the inner wall. A closed
+            profile gives a ring.
         sections: Number of flat sides.
-        squash: Scale along y, which makes the turned shape oval.
+        squash: Scale factor along y, for oval shapes.
     """
     mesh = trimesh.creation.revolve(np.asarray(profile, dtype=np.float64), sections=sections)
     if squash != 1.0:
@@ -105,7 +105,7 @@ def lathe(profile: Vector, sections: int = 28, squash: float = 1.0) -> trimesh.T
 def cylinder(
     radius: float, height: float, center: Vector = (0, 0, 0), axis: str = "z", sections: int = 24
 ) -> trimesh.Trimesh:
-    """Return a solid cylinder along an axis, with slightly broken edges."""
+    """Return a solid cylinder along an axis, with slightly bevelled edges."""
     edge = 0.08 * min(radius, height)
     mesh = lathe(
         [
@@ -131,7 +131,7 @@ def ring(
 
 
 def placed(mesh: trimesh.Trimesh, center: Vector, axis: str = "z") -> trimesh.Trimesh:
-    """Turn a mesh made about z so that it points along another axis, and move it."""
+    """Rotate a mesh from the z axis to another axis and move it, in place."""
     turn = np.eye(4)
     turn[:3, :3] = axis_rotation(axis)
     turn[:3, 3] = np.asarray(center, dtype=np.float64)
@@ -140,7 +140,7 @@ def placed(mesh: trimesh.Trimesh, center: Vector, axis: str = "z") -> trimesh.Tr
 
 
 def axis_rotation(axis: str) -> Points:
-    """Return the rotation [3, 3] that takes z to `x`, `y`, `z`, `-x`, `-y` or `-z`."""
+    """Return the rotation [3, 3] that maps z to `x`, `y`, `z`, `-x`, `-y` or `-z`."""
     rotations = {
         "z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
         "-z": [[1, 0, 0], [0, -1, 0], [0, 0, -1]],
@@ -163,7 +163,7 @@ def rotation(axis: str, angle: float) -> Points:
 
 
 def moved(mesh: trimesh.Trimesh, turn: Points | None = None, shift: Vector = (0, 0, 0)) -> trimesh.Trimesh:
-    """Rotate a mesh about the origin and then shift it."""
+    """Rotate a mesh about the origin and then translate it, in place."""
     transform = np.eye(4)
     if turn is not None:
         transform[:3, :3] = turn
@@ -181,12 +181,12 @@ def ellipsoid(radii: Vector, center: Vector = (0, 0, 0), subdivisions: int = 3) 
 
 
 def cushion(size: Vector, power: float = 3.0, steps: int = 20) -> trimesh.Trimesh:
-    """Return a stuffed cushion: thick in the middle, thin at the seam, corners drawn out.
+    """Return a stuffed cushion: thick in the middle, thin at the seam, with pointed corners.
 
     Args:
         size: Lengths along x, y, z, metres.
-        power: How square the outline of the swelling is.
-        steps: Grid cells along each side.
+        power: Squareness of the thick area; larger is squarer.
+        steps: Number of grid cells along each side.
     """
     lx, ly, lz = np.asarray(size, dtype=np.float64)
     line = np.sin(np.linspace(-np.pi / 2, np.pi / 2, steps + 1))
@@ -217,15 +217,15 @@ def tube(path: Vector, radius: float | Vector, sections: int = 8, flatten: float
 
     Args:
         path: Points [n, 3].
-        radius: Radius in metres, one or one for each point.
-        sections: Sides of the circle.
-        flatten: Thickness of the section across the path's plane in radii.
+        radius: Radius in metres, a single value or one per point.
+        sections: Number of sides of the circle.
+        flatten: Thickness of the cross-section perpendicular to the plane of the path, relative to the radius.
     """
     points = np.asarray(path, dtype=np.float64)
     radii = np.broadcast_to(np.asarray(radius, dtype=np.float64), points.shape[:1])
     tangent = np.gradient(points, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    # The normal of a plane path, or any direction across a straight one, makes a frame that does not twist.
+    # The normal of the path's plane, or any perpendicular of a straight path, gives a frame that does not twist.
     across = np.cross(points[-1] - points[0], points[len(points) // 2] - points[0])
     if np.linalg.norm(across) < 1e-9:
         across = np.cross(tangent[0], np.eye(3)[np.argmin(np.abs(tangent[0]))])
@@ -263,10 +263,10 @@ def arc(
     """Return points on an elliptic arc, for `tube`.
 
     Args:
-        center: Middle of the ellipse.
-        radii: Along the first and the second axis of the plane, metres.
-        start: First angle, radians from the plane's first axis.
-        stop: Last angle.
+        center: Centre of the ellipse.
+        radii: Radii along the first and second axis of the plane, metres.
+        start: First angle, radians from the first axis of the plane.
+        stop: Last angle, radians.
         plane: `xy`, `xz` or `yz`.
         steps: Number of points.
     """
@@ -278,7 +278,7 @@ def arc(
 
 
 def joined(meshes: list[trimesh.Trimesh]) -> trimesh.Trimesh:
-    """Return one mesh of several closed ones (they may overlap: only what is outside is ever seen)."""
+    """Concatenate closed meshes; they may overlap, since only the outside is visible."""
     vertices, faces, count = [], [], 0
     for mesh in meshes:
         vertices.append(mesh.vertices)

@@ -1,4 +1,4 @@
-"""Value noise in three dimensions: the grain of every surface."""
+"""Three-dimensional value noise, used as surface grain."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sgbd.machine.compiled import compiled
 
 @compiled(inline="always")
 def _lattice(i: int, j: int, k: int, seed: int) -> float:
-    # An integer hash (xor-shift and multiply) of a lattice point: the same value on every machine.
+    # Integer hash (xor-shift and multiply) of a lattice point; gives the same value on every machine.
     h = (i * 374761393 + j * 668265263 + k * 2147483647 + seed * 1274126177) & 0xFFFFFFFF
     h = ((h ^ (h >> 13)) * 1274126177) & 0xFFFFFFFF
     h = ((h ^ (h >> 16)) * 2246822519) & 0xFFFFFFFF
@@ -40,15 +40,15 @@ def _noise(points: npt.NDArray[np.float32], octaves: int, seed: int, out: npt.ND
 
 
 def fractal_noise(points: npt.NDArray[np.float32], octaves: int = 3, seed: int = 0) -> npt.NDArray[np.float32]:
-    """Return value noise summed over octaves, each of half the size and half the strength.
+    """Return value noise summed over octaves, each with about half the cell size and half the strength.
 
     Args:
-        points: float32 [n, 3], in cells of the coarsest lattice.
-        octaves: Number of sizes.
-        seed: Which noise.
+        points: float32 [n, 3], in units of the coarsest lattice cell.
+        octaves: Number of octaves.
+        seed: Random seed.
 
     Returns:
-        float32 [n], 0 to 1, 0.5 on average.
+        float32 [n], 0 to 1, mean 0.5.
     """
     out = np.empty(len(points), dtype=np.float32)
     _noise(np.ascontiguousarray(points, dtype=np.float32), octaves, seed, out)
@@ -56,7 +56,7 @@ def fractal_noise(points: npt.NDArray[np.float32], octaves: int = 3, seed: int =
 
 
 def cell_values(*indices: npt.NDArray[np.int64], seed: int = 0) -> npt.NDArray[np.float32]:
-    """Return a random number, 0 to 1, for each cell of a grid, named by its integer indices."""
+    """Return a pseudo-random number, 0 to 1, for each grid cell, given by its integer indices."""
     mixed = np.full(indices[0].shape, np.uint64(seed + 0x9E3779B9), dtype=np.uint64)
     for index in indices:
         mixed = (mixed ^ index.astype(np.uint64)) * np.uint64(0xBF58476D1CE4E5B9)

@@ -1,4 +1,4 @@
-"""Dropping objects on a table: rigid-body simulation until they rest.
+"""Drop objects on a table with a rigid-body simulation until they are at rest.
 
 E. Todorov, T. Erez, Y. Tassa, "MuJoCo: a physics engine for model-based control", IROS 2012,
 doi:10.1109/IROS.2012.6386109.
@@ -27,28 +27,28 @@ Floats = npt.NDArray[np.float64]
 
 TIME_STEP = 0.004
 LONGEST = 2.6
-"""Simulated seconds after which what still moves counts as moving."""
+"""Maximum simulated time, seconds; objects that still move then are discarded."""
 RESTING_SPEED = 0.08
-"""Metres a second, below which an object lies still enough to be photographed."""
+"""Speed in metres per second below which an object counts as at rest."""
 WILDEST_SPEED = 15.0
-"""Metres a second: no fall in a room ends at half of that, so this is an explosion."""
+"""Speed in metres per second above which the simulation is unstable: no fall in a room reaches half of it."""
 AIR = 60.0
-"""Kilograms a cubic metre of the air: so thick that things sink and pile up rather than crash and scatter."""
+"""Density of the air, kg/m³; high drag makes objects sink and pile up instead of bouncing and scattering."""
 DEEPEST = 0.012
-"""Metres by which resting objects may sink into each other."""
+"""Maximum penetration between objects at rest, metres."""
 
 
 class UnstableSimulationError(RuntimeError):
-    """The simulation blew up: its outcome is no scene."""
+    """The simulation diverged, and its result is unusable."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Where an object is.
+    """Position and orientation of an object.
 
     Attributes:
-        position: float64 [3], metres, of the object's origin in the room.
-        turn: float64 [3, 3], from the object's frame to the room's.
+        position: float64 [3], origin of the object in the room, metres.
+        turn: float64 [3, 3], rotation from the object's frame to the room's.
     """
 
     position: Floats
@@ -58,19 +58,19 @@ class Pose:
 def settle(
     shapes: list[Shape], table: Table, rng: np.random.Generator, variety: Variety = VARIETIES["tabletop"]
 ) -> list[Pose | None]:
-    """Drop objects on a table and let them come to rest.
+    """Drop objects on a table and simulate until they are at rest.
 
     Args:
         shapes: The objects.
-        table: What they fall on.
-        rng: Source of randomness of places and orientations.
-        variety: How they are spread and stacked.
+        table: The table.
+        rng: Random generator for positions and orientations.
+        variety: How the objects are spread and stacked.
 
     Returns:
-        The pose of each object; None for one that fell off the table or still moves.
+        The pose of each object; None if it fell off the table or still moves.
 
     Raises:
-        UnstableSimulationError: If the simulation blew up.
+        UnstableSimulationError: If the simulation diverged.
     """
     with _warnings_are_debugging_messages():
         return _settled(shapes, table, rng, variety)
@@ -104,10 +104,10 @@ def _settled(shapes: list[Shape], table: Table, rng: np.random.Generator, variet
 def drop_poses(
     shapes: list[Shape], table: Table, rng: np.random.Generator, variety: Variety = VARIETIES["tabletop"]
 ) -> list[Pose]:
-    """Draw where the objects start: near each other, above the table, none inside another.
+    """Draw start poses: close together, above the table and without overlap.
 
-    Each object takes the lowest of a few random places over what is already there, by bounding boxes, or, if it is to
-    be stacked, stands on one of those.
+    Of several random positions, each object takes the lowest one above the bounding boxes of the objects placed before
+    it. An object drawn to be stacked is placed upright on one of them.
     """
     footprint = sum(float(np.prod(np.sort(shape.extents)[1:])) for shape in shapes)
     low, high = variety.spread
@@ -144,7 +144,7 @@ def drop_poses(
 
 @contextmanager
 def _warnings_are_debugging_messages() -> Iterator[None]:
-    """Keep MuJoCo from writing its warnings to a file in the working folder: what they warn of is checked for."""
+    """Log MuJoCo's warnings instead of writing them to a file in the working folder; `check_stability` handles them."""
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(log.debug)
     try:
@@ -154,7 +154,7 @@ def _warnings_are_debugging_messages() -> Iterator[None]:
 
 
 def check_stability(data: mujoco.MjData, count: int) -> None:
-    """Raise UnstableSimulationError for values that are not finite, absurd places or speeds, or solver warnings."""
+    """Raise UnstableSimulationError for non-finite values, implausible positions or speeds, or solver warnings."""
     bad = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
     if any(data.warning[int(kind)].number for kind in bad):
         raise UnstableSimulationError("the solver met values that are not finite")
@@ -169,7 +169,7 @@ def check_stability(data: mujoco.MjData, count: int) -> None:
 
 
 def check_penetration(model: mujoco.MjModel, data: mujoco.MjData, table: Table) -> None:
-    """Raise UnstableSimulationError if objects on the table are deep inside each other or the table."""
+    """Raise UnstableSimulationError if objects on the table penetrate each other or the table too deeply."""
     if data.ncon == 0:
         return
     contact = data.contact
@@ -188,7 +188,7 @@ def _orientation(shape: Shape, rng: np.random.Generator) -> Floats:
     if rng.random() < shape.upright:
         return yaw.as_matrix()
     if rng.random() < 0.6:
-        # Lying on one of the sides or upside down.
+        # On its side or upside down.
         side = Rotation.from_euler(
             "xyz", [(90, 0, 0), (-90, 0, 0), (0, 90, 0), (0, -90, 0), (180, 0, 0)][rng.integers(5)], degrees=True
         )
@@ -231,7 +231,7 @@ def _model(shapes: list[Shape], poses: list[Pose], table: Table) -> mujoco.MjMod
 def _add_solid(spec: mujoco.MjSpec, body: mujoco.MjsBody, solid: Solid, name: str, surface: dict[str, object]) -> None:
     density = 300.0
     if solid.kind == "hull":
-        # Coordinates that differ by rounding would make slivers of faces.
+        # Round, because coordinates that differ only by rounding errors would create sliver faces.
         spec.add_mesh(
             name=name, uservert=np.round(solid.size, 6).ravel(), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
         )
@@ -246,5 +246,5 @@ def _add_solid(spec: mujoco.MjSpec, body: mujoco.MjsBody, solid: Solid, name: st
 
 
 def _quaternion(turn: Floats) -> Floats:
-    """Return a rotation matrix as (w, x, y, z)."""
+    """Convert a rotation matrix to a quaternion (w, x, y, z)."""
     return np.roll(Rotation.from_matrix(turn).as_quat(), 1)

@@ -1,4 +1,4 @@
-"""Pictures for `textures.Printed`: labels, packaging, screens, dials, keys."""
+"""Draw images for `textures.Printed`: labels, screens, clock faces, keys, grilles and patterns."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ _LINE_HEIGHT = 7
 
 
 def label(rng: np.random.Generator, width: int = 256, height: int = 128, repeats: int = 1) -> Picture:
-    """Return a printed label: coloured fields, a name, small print, perhaps a badge and a bar code.
+    """Draw a printed label: coloured areas, a name, small print and, optionally, a badge and a bar code.
 
     Args:
-        rng: Source of randomness.
-        width: Pixels across.
-        height: Pixels down.
-        repeats: How often the same motif stands side by side.
+        rng: Random generator.
+        width: Image width, pixels.
+        height: Image height, pixels.
+        repeats: Number of copies of the motif side by side.
     """
     ground = any_color(rng)
     image = Image.new("RGB", (width, height), _rgb(ground))
@@ -70,7 +70,7 @@ def label(rng: np.random.Generator, width: int = 256, height: int = 128, repeats
 
 
 def screen(rng: np.random.Generator, width: int = 192, height: int = 120) -> Picture:
-    """Return what a screen shows: a picture with windows on it, or nothing."""
+    """Draw the content of a screen: a background with windows, or a dark screen."""
     if rng.random() < 0.35:
         return np.tile(dark(rng) * np.float32(0.6), (height, width, 1)).astype(np.float32)
     top, bottom = any_color(rng), any_color(rng)
@@ -90,7 +90,7 @@ def screen(rng: np.random.Generator, width: int = 192, height: int = 120) -> Pic
 
 
 def dial(rng: np.random.Generator, size: int = 160) -> Picture:
-    """Return the face of a clock: hour marks or numbers on a plain ground."""
+    """Draw a clock face: hour marks or numbers on a plain background."""
     ground = light(rng) if rng.random() < 0.65 else any_color(rng)
     ink = contrasting(rng, ground, 0.5)
     image = Image.new("RGB", (size, size), _rgb(ground))
@@ -115,7 +115,7 @@ def dial(rng: np.random.Generator, size: int = 160) -> Picture:
 
 
 def keypad(rng: np.random.Generator, columns: int, rows: int, ground: Color, cell: int = 20) -> Picture:
-    """Return a field of keys."""
+    """Draw a grid of keys."""
     key = contrasting(rng, ground, 0.3)
     ink = contrasting(rng, key, 0.4)
     image = Image.new("RGB", (columns * cell, rows * cell), _rgb(ground))
@@ -135,7 +135,7 @@ def keypad(rng: np.random.Generator, columns: int, rows: int, ground: Color, cel
 
 
 def grille(rng: np.random.Generator, ground: Color, columns: int = 24, rows: int = 24, cell: int = 6) -> Picture:
-    """Return a field of round holes in a plate."""
+    """Draw a plate with a grid of round holes."""
     image = Image.new("RGB", (columns * cell, rows * cell), _rgb(ground))
     draw = ImageDraw.Draw(image)
     hole = _rgb(ground * np.float32(rng.uniform(0.25, 0.5)))
@@ -147,7 +147,7 @@ def grille(rng: np.random.Generator, ground: Color, columns: int = 24, rows: int
 
 
 def pattern(rng: np.random.Generator, width: int = 192, height: int = 192) -> Picture:
-    """Return scattered discs, stars or flowers on a plain ground: cloth, china, wrapping paper."""
+    """Draw a regular pattern of discs or flowers on a plain background: cloth, china, wrapping paper."""
     ground = any_color(rng)
     inks = [contrasting(rng, ground) for _ in range(rng.integers(1, 4))]
     image = Image.new("RGB", (width, height), _rgb(ground))
@@ -170,7 +170,7 @@ def pattern(rng: np.random.Generator, width: int = 192, height: int = 192) -> Pi
 
 
 def word(rng: np.random.Generator) -> str:
-    """Return a made-up name."""
+    """Draw a made-up name."""
     return "".join(rng.choice(_SYLLABLES, size=rng.integers(2, 4))).capitalize()
 
 

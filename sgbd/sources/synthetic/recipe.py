@@ -1,4 +1,4 @@
-"""What a synthetic dataset is made from: everything that its frames depend on."""
+"""The parameters of a synthetic dataset: everything that its frames depend on."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from sgbd.sources.categories import TOD_CATEGORIES, TODZ_SEEN
 from sgbd.sources.synthetic.variety import VARIETIES
 
 GENERATOR_VERSION = 1
-"""Raised by every change of the generator that changes a frame: older data is then made anew, never mixed in."""
+"""Increase this whenever a code change alters a frame, so that old and new frames are never mixed."""
 
 SENSORS = ("clean", "kinect", "varied")
 LATER = {"train_categories": None, "variety": "tabletop"}
-"""Options that came later: at these values they leave a recipe, and so its digest, what it was without them."""
+"""Options added later: they are left out of the digest at these defaults, so that existing datasets stay valid."""
 FOLDERS = {"train": "training_set", "val": "validation_set", "test": "test_set"}
 FIRST_VIEW = 2
-"""Number of a scene's first picture: in the layout, 0 is the empty room and 1 the empty table."""
+"""Number of a scene's first view; in TOD's layout, 0 is the empty room and 1 the empty table."""
 
 
 @dataclass(frozen=True)
@@ -27,18 +27,17 @@ class Recipe:
     """Sizes, ranges and seed of a synthetic dataset.
 
     Attributes:
-        train_frames: Frames with seen categories only.
-        val_frames: The same, of other scenes.
-        test_frames: Frames with seen and unseen categories.
-        views_per_scene: Pictures taken of each arrangement of objects.
-        objects: Least and largest number of objects on the table.
+        train_frames: Number of training frames, with seen categories only.
+        val_frames: Number of validation frames, of other scenes, also with seen categories only.
+        test_frames: Number of test frames, with seen and unseen categories.
+        views_per_scene: Number of views of each scene.
+        objects: Minimum and maximum number of objects on the table.
         resolution: Width and height, pixels.
-        sensor: `clean` (exact depth), `kinect` (structured light) or `varied` (another camera for every frame).
-        seed: Fixes every scene; more frames of the same seed begin with the same scenes.
-        train_categories: What the objects of training and validation frames are drawn from; None for TOD-Z's 12 seen
+        sensor: `clean` (exact depth), `kinect` (structured light) or `varied` (a different camera for every frame).
+        seed: Random seed; a larger dataset with the same seed starts with the same scenes.
+        train_categories: Categories of the objects in training and validation frames; None for TOD-Z's 12 seen
             categories.
-        variety: What kind of scenes there are, see `sgbd.sources.synthetic.variety`: `tabletop`, `wide` or
-            `assorted`.
+        variety: Kind of scenes, see `sgbd.sources.synthetic.variety`: `tabletop`, `wide` or `assorted`.
 
     Raises:
         ValueError: On construction, if a value is out of range.
@@ -87,20 +86,20 @@ class Recipe:
         return int(getattr(self, f"{split}_frames"))
 
     def categories(self, split: str) -> tuple[str, ...]:
-        """Return the categories whose objects a split holds."""
+        """Return the categories of the objects in a split."""
         if split == "test":
             return TOD_CATEGORIES
         chosen = TODZ_SEEN if self.train_categories is None else frozenset(self.train_categories)
         return tuple(name for name in TOD_CATEGORIES if name in chosen)
 
     def scenes(self, split: str) -> list[tuple[str, int]]:
-        """Return folder below the root and number of views of each scene of a split; the last may have fewer views."""
+        """Return folder (relative to the root) and number of views of each scene; the last may have fewer views."""
         full, rest = divmod(self.frames(split), self.views_per_scene)
         views = [self.views_per_scene] * full + [rest] * (rest > 0)
         return [(f"{FOLDERS[split]}/scene_{number:05d}", count) for number, count in enumerate(views)]
 
     def listed(self, split: str) -> list[str]:
-        """Return the lines of a split's list of frames."""
+        """Return the lines of the list file of a split."""
         return [
             f"{folder}/rgb_{view:05d}.jpeg"
             for folder, views in self.scenes(split)
@@ -108,24 +107,24 @@ class Recipe:
         ]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the recipe as JSON values."""
+        """Return the recipe as plain JSON values."""
         values = asdict(self)
-        # The order of the names makes no frame differ.
+        # Use a fixed order: the frames do not depend on the order of the names.
         values["train_categories"] = self.train_categories and self.categories("train")
         plain = {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
         kept = {key: value for key, value in plain.items() if key not in LATER or value != LATER[key]}
         return {"generator_version": GENERATOR_VERSION, **kept}
 
     def digest(self) -> str:
-        """Return ten hex digits that differ for every other recipe."""
+        """Return a digest of the recipe, ten hexadecimal digits."""
         return hashlib.sha256(json.dumps(self.as_dict(), sort_keys=True).encode()).hexdigest()[:10]
 
 
 def pair(name: str, value: Sequence[int], meaning: str) -> tuple[int, int]:
-    """Return two numbers given as any sequence.
+    """Convert a sequence of two numbers to a tuple.
 
     Raises:
-        ValueError: If they are not two; the message has the option's name and meaning.
+        ValueError: If there are not exactly two; the message contains the option's name and meaning.
     """
     if len(value) != 2:
         raise ValueError(f"{name} must be two numbers, {meaning}; got {list(value)}")

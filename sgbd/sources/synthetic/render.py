@@ -1,6 +1,6 @@
-"""Ray casting of a scene: exact depth and labels, textured and lit colours.
+"""Render a scene by ray casting: exact depth and labels, textured and lit colours.
 
-Rays are traced by Embree: I. Wald, S. Woop, C. Benthin, G. S. Johnson, M. Ernst, "Embree: a kernel framework for
+Rays are traced with Embree: I. Wald, S. Woop, C. Benthin, G. S. Johnson, M. Ernst, "Embree: a kernel framework for
 efficient CPU ray tracing", ACM Transactions on Graphics 33(4), 2014, doi:10.1145/2601097.2601199.
 """
 
@@ -21,24 +21,24 @@ from sgbd.sources.synthetic.room import Placed
 Floats = npt.NDArray[np.float32]
 
 CREASE = np.cos(np.deg2rad(42))
-"""Faces that meet at a smaller angle are shaded as one smooth surface."""
+"""Cosine of the largest angle between faces that are shaded as one smooth surface."""
 LIFT = 6e-4
-"""Metres by which secondary rays start above their surface."""
+"""Offset of secondary ray origins from the surface, relative to the depth (at least 1 m)."""
 TILE = 4
-"""Side of the tile of pixels that share a set of light samples."""
+"""Side of a tile of pixels, pixels: each pixel of a tile uses a different light sample."""
 SURROUNDINGS = 0.35
-"""Metres within which other surfaces take away ambient light."""
+"""Distance within which other surfaces block ambient light (ambient occlusion), metres."""
 
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """A glowing ball.
+    """A spherical light source.
 
     Attributes:
         position: float64 [3], metres.
-        radius: Metres; the larger, the softer the shadows.
-        color: float32 [3], irradiance on a surface that faces it from `reach` metres.
-        reach: Metres.
+        radius: Metres; larger lights cast softer shadows.
+        color: float32 [3], irradiance on a surface facing the light at distance `reach`.
+        reach: Reference distance of `color`, metres.
     """
 
     position: npt.NDArray[np.float64]
@@ -49,14 +49,14 @@ class Light:
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """Where a view is taken from.
+    """A camera in the room.
 
     Attributes:
-        position: float64 [3], metres, in the room.
-        turn: float64 [3, 3], from the camera's frame (x right, y down, z forward) to the room's.
+        position: float64 [3], in the room, metres.
+        turn: float64 [3, 3], rotation from the camera's frame (x right, y down, z forward) to the room's.
         intrinsics: Focal lengths and principal point, pixels.
-        width: Columns.
-        height: Rows.
+        width: Image width, pixels.
+        height: Image height, pixels.
     """
 
     position: npt.NDArray[np.float64]
@@ -75,7 +75,7 @@ class Camera:
         width: int,
         height: int,
     ) -> Camera:
-        """Return the camera at a position that has a target in its middle; `roll` (radians) turns the picture."""
+        """Return a camera that looks from a position at a target; `roll` (radians) rotates the image."""
         forward = (target - position) / np.linalg.norm(target - position)
         right = np.cross(forward, [0.0, 0.0, 1.0])
         right /= np.linalg.norm(right)
@@ -85,7 +85,7 @@ class Camera:
         return cls(position, turn @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]), intrinsics, width, height)
 
     def rays(self, step: int = 1) -> Floats:
-        """Return the direction [H/step, W/step, 3] of every step-th pixel; lengths along it are depths."""
+        """Return the ray [H/step, W/step, 3] of every step-th pixel, scaled so that ray parameters are depths."""
         k = self.intrinsics
         x = (np.arange(0, self.width, step) - k.cx) / k.fx
         y = (np.arange(0, self.height, step) - k.cy) / k.fy
@@ -95,13 +95,13 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Rendering:
-    """What a camera sees.
+    """The rendered view of a camera.
 
     Attributes:
-        color: float32 [H, W, 3], linear light, any exposure.
-        depth: float32 [H, W], metres along the optical axis; 0 where nothing is hit.
+        color: float32 [H, W, 3], linear light, unexposed.
+        depth: float32 [H, W], metres along the optical axis; 0 if nothing is hit.
         label: int32 [H, W], instance ids.
-        facing: float32 [H, W], cosine between the surface's normal and the ray back to the camera.
+        facing: float32 [H, W], cosine of the angle between surface normal and the direction to the camera.
     """
 
     color: Floats
@@ -111,11 +111,11 @@ class Rendering:
 
 
 class Scene:
-    """Parts in a room, ready to be traced.
+    """Placed parts, prepared for ray tracing.
 
     Args:
         items: Placed parts.
-        labels: Instance id of each.
+        labels: Instance id of each part.
     """
 
     def __init__(self, items: Sequence[Placed], labels: Sequence[int]) -> None:
@@ -135,11 +135,11 @@ class Scene:
         self._shifts = np.stack([item.shift for item in self.items]).astype(np.float32)
         self._gloss = np.array([item.part.texture.gloss for item in self.items], dtype=np.float32)
         self._embree = EmbreeScene()
-        # The scene keeps a pointer only: the mesh must outlive it.
+        # Embree stores only a pointer, so the mesh must stay alive as long as the scene.
         self._mesh = TriangleMesh(self._embree, self.corners)
 
     def preview(self, camera: Camera, step: int = 8) -> tuple[npt.NDArray[np.int32], Floats]:
-        """Return label and depth of every step-th pixel (label -1 where nothing is hit)."""
+        """Return label and depth of every step-th pixel; label -1 if nothing is hit."""
         rays = camera.rays(step)
         flat = rays.reshape(-1, 3)
         hit = self._trace(camera, flat)
@@ -151,10 +151,10 @@ class Scene:
         """Render a view.
 
         Args:
-            camera: Where from.
-            lights: Each costs a shadow ray a pixel.
-            ambient: float32 [2, 3], light from below and from above; dimmed where nearby surfaces close in.
-            rng: Source of randomness of the light samples.
+            camera: The camera.
+            lights: Light sources; each costs one shadow ray per pixel.
+            ambient: float32 [2, 3], ambient light from below and from above; reduced by nearby surfaces.
+            rng: Random generator for the light samples.
         """
         height, width = camera.height, camera.width
         count = height * width
@@ -209,7 +209,7 @@ class Scene:
         return self._embree.run(np.ascontiguousarray(origins), rays, output=True)
 
     def _unblocked(self, origins: Floats, directions: Floats, reach: float) -> Floats:
-        """Return 1 where nothing lies between an origin and `reach` times its direction further on, else 0."""
+        """Return 1 if the segment from an origin to origin + `reach` * direction hits nothing, otherwise 0."""
         distances = np.full(len(origins), reach, dtype=np.float32)
         hit = self._embree.run(
             np.ascontiguousarray(origins), np.ascontiguousarray(directions), dists=distances, query="OCCLUDED"
@@ -217,8 +217,8 @@ class Scene:
         return (hit < 0).astype(np.float32)
 
     def _surface(self, points: Floats, normals: Floats, part: npt.NDArray[np.int32]) -> tuple[Floats, Floats]:
-        """Return colour [n, 3], gamma encoded, and gloss [n]: each visible part's texture is asked once."""
-        order = np.argsort(part.astype(np.int16), kind="stable")  # 16 bits are sorted by radix
+        """Return gamma-encoded colour [n, 3] and gloss [n]; each visible part's texture is evaluated once."""
+        order = np.argsort(part.astype(np.int16), kind="stable")  # NumPy uses radix sort for 16 bits
         bounds = np.searchsorted(part[order], np.arange(len(self.items) + 1))
         own_points, own_normals, sorted_colors = (np.zeros_like(points) for _ in range(3))
         shading.to_own_frames(order, part, points, normals, self._turns, self._shifts, own_points, own_normals)
@@ -233,7 +233,7 @@ class Scene:
 def _corner_normals(triangles: npt.NDArray[np.float64], faces: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
     """Return the shading normal [F, 3, 3] of each corner of each face.
 
-    It is the mean, weighted by area, of the normals of the faces at the corner's vertex that are not beyond a crease.
+    It is the area-weighted mean of the normals of those faces at the same vertex that are not separated by a crease.
     """
     areas = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     unit = areas / np.maximum(np.linalg.norm(areas, axis=1, keepdims=True), 1e-20)
@@ -254,14 +254,14 @@ def _corner_normals(triangles: npt.NDArray[np.float64], faces: npt.NDArray[np.in
 
 
 def _stratified(rng: np.random.Generator) -> Floats:
-    """Return TILE * TILE points [n, 2] of the unit square, one in each cell of a grid, in random order."""
+    """Return stratified samples [TILE * TILE, 2] of the unit square, one per grid cell, in random order."""
     cells = np.stack(np.meshgrid(np.arange(TILE), np.arange(TILE)), axis=-1).reshape(-1, 2)
     points = (cells + rng.random(cells.shape)) / TILE
     return rng.permutation(points).astype(np.float32)
 
 
 def _sphere_samples(rng: np.random.Generator) -> Floats:
-    """Return points [TILE * TILE, 3] spread over the unit sphere."""
+    """Return points [TILE * TILE, 3] distributed over the unit sphere."""
     square = _stratified(rng)
     angle, z = 2 * np.pi * square[:, 0], 2 * square[:, 1] - 1
     flat = np.sqrt(np.clip(1 - z * z, 0, None))
@@ -269,5 +269,5 @@ def _sphere_samples(rng: np.random.Generator) -> Floats:
 
 
 def _ball_samples(light: Light, rng: np.random.Generator) -> Floats:
-    """Return points [TILE * TILE, 3] spread over a lamp."""
+    """Return points [TILE * TILE, 3] distributed over a light source."""
     return (light.position + light.radius * _sphere_samples(rng)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""The furnished room around the table: background of every frame."""
+"""Generate the furnished room around the table, the background of every frame."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A part and where it is.
+    """A part with its pose in the room.
 
     Attributes:
-        part: In its own frame.
-        turn: float64 [3, 3] from its frame to the room's.
-        shift: float64 [3], metres.
+        part: The part in its own frame.
+        turn: float64 [3, 3], rotation from its frame to the room's.
+        shift: float64 [3], translation, metres.
     """
 
     part: Part
@@ -43,7 +43,7 @@ class Room:
         low: Smallest x, y of the floor, metres.
         high: Largest x, y of the floor, metres.
         height: Height of the ceiling, metres.
-        items: Everything in it but the table.
+        items: Everything in the room except the table.
     """
 
     low: Floats
@@ -53,7 +53,7 @@ class Room:
 
 
 def random_room(table: Table, rng: np.random.Generator) -> Room:
-    """Draw a room around a table, with furniture along its walls, chairs at the table and things on the floor."""
+    """Draw a room around a table, with furniture along the walls, chairs at the table and items on the floor."""
     half = np.asarray(table.size) / 2
     low = -(half + rng.uniform(0.7, 2.2, 2))
     high = half + rng.uniform(0.7, 2.2, 2)
@@ -140,12 +140,12 @@ def _floor_texture(rng: np.random.Generator) -> Texture:
 def _along_wall(
     wall: int, low: Floats, high: Floats, height: float, rng: np.random.Generator, taken: list[tuple[Floats, Floats]]
 ) -> list[Placed]:
-    """Fill a wall from one corner on; wall 0 is at high y, then counter-clockwise."""
+    """Fill a wall with furniture, starting at one corner; wall 0 is at high y, the others follow counter-clockwise."""
     axis = wall % 2
     size = high - low
     long = size[axis]
     middle = (low + high) / 2
-    # Furniture faces -y by itself, which suits the wall at high y.
+    # Unrotated furniture faces -y, as needed at wall 0.
     turn = rotation("z", wall * np.pi / 2)
     origin = np.array([*middle, 0.0])
     back = size[1 - axis] / 2
@@ -200,7 +200,7 @@ def _chair_at(
         bounds = (place - 0.22, place + 0.22)
         if _is_free(bounds, taken) and (bounds[0] > low).all() and (bounds[1] < high).all():
             taken.append(bounds)
-            # Its front (-y) looks at the table, more or less.
+            # The front of the chair (-y) roughly faces the table.
             turn = rotation("z", angle - np.pi / 2 + rng.normal(0, 0.25))
             return [Placed(part, turn, np.array([*place, 0.0])) for part in seat.parts]
     return []

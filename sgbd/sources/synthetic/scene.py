@@ -1,4 +1,4 @@
-"""One scene: a table in a room, objects at rest on it, lights, and the views taken of it."""
+"""Generate a scene (objects at rest on a table in a room) and render views of it."""
 
 from __future__ import annotations
 
@@ -25,26 +25,26 @@ from sgbd.sources.synthetic.variety import VARIETIES, Variety
 log = logging.getLogger(__name__)
 
 ATTEMPTS = 50
-"""Draws of a scene before giving up: far more than a sane recipe ever needs."""
+"""Maximum number of attempts to draw a scene; far more than a reasonable recipe needs."""
 FEW = 6
-"""Objects of a scene with few objects, at most."""
+"""Maximum number of objects in a scene with few objects."""
 VISIBLE = 150
-"""Pixels at 640x480 from which on an object counts as visible."""
+"""Minimum number of pixels, at 640x480, of a visible object."""
 
 
 class SceneError(RuntimeError):
-    """No acceptable scene could be drawn from a recipe."""
+    """No acceptable scene or viewpoint could be drawn."""
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A picture with its truth.
+    """A recorded view with its ground truth.
 
     Attributes:
         rgb: uint8 [H, W, 3].
         depth: uint16 [H, W], millimetres, 0 = missing.
-        segmentation: uint8 [H, W]: 0 background, 1 table, 2 and more objects.
-        camera: Where it was taken from.
+        segmentation: uint8 [H, W]: 0 background, 1 table, 2 and above objects.
+        camera: The camera.
     """
 
     rgb: npt.NDArray[np.uint8]
@@ -55,13 +55,13 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Arrangement:
-    """Objects at rest.
+    """Objects at rest on a table.
 
     Attributes:
-        table: What they lie on.
-        shapes: The objects, in the order of their instance ids from 2 on.
-        poses: Where each is.
-        attempt: How many draws were thrown away before.
+        table: The table.
+        shapes: The objects, in the order of their instance ids, from 2.
+        poses: Pose of each object.
+        attempt: Number of rejected draws before this one.
     """
 
     table: Table
@@ -76,13 +76,13 @@ def arrange(
     seed: np.random.SeedSequence,
     variety: Variety = VARIETIES["tabletop"],
 ) -> Arrangement:
-    """Draw objects and drop them on a table, anew if the simulation blows up or too few stay.
+    """Draw objects and drop them on a table; repeat if the simulation diverges or too few objects stay on the table.
 
     Args:
-        categories: Names to draw from.
-        objects: Least and largest number of objects on the table.
-        seed: Fixes the result.
-        variety: What kinds of arrangement there are.
+        categories: Categories to draw from.
+        objects: Minimum and maximum number of objects on the table.
+        seed: Random seed.
+        variety: Ranges that the arrangement is drawn from.
 
     Raises:
         SceneError: If no draw was acceptable.
@@ -128,17 +128,17 @@ def photograph(
     seed: np.random.SeedSequence,
     variety: Variety = VARIETIES["tabletop"],
 ) -> list[View]:
-    """Furnish a room around an arrangement, light it, and take pictures.
+    """Draw a room and lighting around an arrangement and record views.
 
     Args:
         arrangement: Table and objects.
-        views: Number of pictures.
+        views: Number of views.
         sensor_name: `clean`, `kinect` or `varied`.
         resolution: Width and height, pixels.
-        seed: Fixes the result.
-        variety: Where cameras stand, and of what kind they are.
+        seed: Random seed.
+        variety: Ranges that viewpoints and focal lengths are drawn from.
     """
-    # A stream each for the scene and for the camera that records it: the same scenes under every sensor.
+    # Separate random streams for scene and sensor give the same scenes with every sensor.
     rng = np.random.default_rng([*_words(seed), 1 << 20])
     recorder = np.random.default_rng([*_words(seed), 1 << 21])
     room = random_room(arrangement.table, rng)
@@ -160,7 +160,7 @@ def photograph(
         focal = resolution[0] * rng.uniform(*variety.focal)
         intrinsics = replace(intrinsics, fx=focal, fy=focal)
     for k in range(views):
-        # The views go around the table, each somewhere in its own sector.
+        # The views are distributed around the table, each within its own sector.
         sector = (first + 2 * np.pi * k / views, np.pi / views)
         camera = _camera(scene, arrangement, room, intrinsics, resolution, sector, variety, rng)
         rendering = scene.render(camera, lights, ambient, rng)
@@ -188,7 +188,7 @@ def _look(sensor_name: str, rng: np.random.Generator) -> _Look:
 
 
 def _lighting(room: Room, table: Table, rng: np.random.Generator) -> tuple[list[Light], npt.NDArray[np.float32]]:
-    """Draw one or two lamps under the ceiling or at a window, and the light that the walls throw back."""
+    """Draw one or two light sources below the ceiling or at a wall, and the ambient light."""
     top = np.array([0, 0, table.height])
     lights = []
     count = 1 + int(rng.random() < 0.55)
@@ -217,9 +217,9 @@ def _camera(
     variety: Variety,
     rng: np.random.Generator,
 ) -> Camera:
-    """Draw a viewpoint that sees several objects and has nothing right before it.
+    """Draw a viewpoint that sees several objects and is not blocked by something close to the camera.
 
-    Its direction lies in a sector (middle, half width; radians), or beyond it if nothing there will do.
+    Its azimuth lies in a sector (centre and half width in radians), which widens with every failed attempt.
     """
     width, height = resolution
     places = np.stack([pose.position for pose in arrangement.poses])
@@ -259,7 +259,7 @@ def _camera(
 
 
 def _recorded(rendering: Rendering, camera: Camera, look: _Look, sensor_name: str, rng: np.random.Generator) -> View:
-    # Exposed for what lies on the table, as a camera that looks at it would be.
+    # Expose mainly for the table and the objects, like the auto-exposure of a camera pointed at them.
     weight = np.where(rendering.label >= SUPPORT, np.float32(1), np.float32(0.25))
     color = sensor.exposed(rendering.color, weight, look.middle)
     rgb = sensor.photographed(color, look.blur, look.noise, look.tint, rng)

@@ -1,4 +1,4 @@
-"""Depth cameras of all kinds: what a model trained on one would not survive in another's frames."""
+"""Simulate many kinds of depth cameras, so that a model trained on the frames generalises across cameras."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ Floats = npt.NDArray[np.float32]
 Bools = npt.NDArray[np.bool_]
 
 EXACT, STRUCTURED = 0.15, 0.55
-"""Shares of exact depth and of structured light; the rest is stereo."""
+"""Shares of frames with exact depth and with structured light; the rest is stereo."""
 
 
 def recorded_by_any_camera(
     rgb: npt.NDArray[np.uint8], rendering: Rendering, focal: float, rng: np.random.Generator
 ) -> tuple[npt.NDArray[np.uint8], Floats]:
-    """Record a view with a camera drawn at random.
+    """Record a view with a randomly drawn camera.
 
-    Beside its kind and the strength of its noise, what is drawn: surfaces that give no depth (black, shiny), what lies
-    beyond the table cut away, as in sets that were recorded for their objects, smoothing after the measurement, and a
-    colour picture that lies a pixel or two off the depth.
+    Besides camera type and noise level, several effects are drawn: surfaces without depth (black, shiny), removal of
+    everything beyond the table as in some object datasets, smoothing of the measured depth, and a misalignment of one
+    or two pixels between colours and depth.
 
     Args:
-        rgb: uint8 [H, W, 3], the colour picture.
-        rendering: What there is to see.
+        rgb: uint8 [H, W, 3], the colour image.
+        rendering: The rendered view.
         focal: Focal length, pixels.
-        rng: Source of randomness.
+        rng: Random generator.
 
     Returns:
         Colour uint8 [H, W, 3] and depth float32 [H, W], metres, 0 = missing.
@@ -66,12 +66,12 @@ def _structured_light(rng: np.random.Generator) -> StructuredLight:
 
 
 def _stereo(rendering: Rendering, focal: float, rng: np.random.Generator) -> Floats:
-    """Return depth from two cameras: edges grown by the matching window, noise in blots, no dots to count."""
+    """Simulate stereo depth: edges spread by the matching window, spatially correlated noise, no quantisation."""
     depth, shape = rendering.depth, rendering.depth.shape
     scale = focal * rng.uniform(0.04, 0.1)
     with np.errstate(divide="ignore"):
         disparity = np.where(depth > 0, np.float32(scale) / depth, 0).astype(np.float32)
-    # A window half on the nearer surface matches it.
+    # A matching window that half covers the nearer surface matches that surface.
     window = int(rng.choice((1, 3, 5)))
     if window > 1:
         disparity = median_filter(disparity, window)
@@ -91,7 +91,7 @@ def _stereo(rendering: Rendering, focal: float, rng: np.random.Generator) -> Flo
 
 
 def _dead_surfaces(label: npt.NDArray[np.int32], rng: np.random.Generator) -> Bools:
-    """Return blots on some of the objects, and now and then on the table, that give no depth."""
+    """Return random blobs without depth on some objects and, rarely, on the table."""
     dead = rng.random(int(label.max()) + 1) < 0.1
     dead[: SUPPORT + 1] = (False, rng.random() < 0.1)[: len(dead)]
     if not dead.any():
@@ -102,7 +102,7 @@ def _dead_surfaces(label: npt.NDArray[np.int32], rng: np.random.Generator) -> Bo
 
 
 def _smoothed(depth: Floats) -> Floats:
-    """Return depth smoothed but right at edges, as recording software does it; holes stay."""
+    """Smooth the depth except at edges, as recording software does; holes are kept."""
     known = depth > 0
     weight = gaussian_filter(known.astype(np.float32), 1.5)
     mean = gaussian_filter(depth, 1.5) / np.maximum(weight, 1e-6)
@@ -110,7 +110,7 @@ def _smoothed(depth: Floats) -> Floats:
 
 
 def _cut_off(depth: Floats, label: npt.NDArray[np.int32], rng: np.random.Generator) -> Floats:
-    """Return depth without what lies beyond the table, or beyond a distance, and perhaps without a strip at a side."""
+    """Remove the depth beyond the table or beyond a distance, and sometimes a strip at the right or bottom border."""
     depth = depth.copy()
     if rng.random() < 0.7:
         depth[label < SUPPORT] = 0

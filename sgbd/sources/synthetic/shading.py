@@ -1,4 +1,4 @@
-"""The renderer's compiled passes over pixels: surface points, secondary rays, smoothing of light, reflection."""
+"""Compiled per-pixel passes of the renderer: surface points, secondary rays, light smoothing and reflection."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ def surface_points(
     normals: Floats,
     facing: Floats,
 ) -> None:
-    """Find point, normal and part under each ray.
+    """Find the surface point, normal and part hit by each ray.
 
     Args:
         eye: float32 [3], origin of the rays.
         rays: float32 [n, 3], not normalised.
-        lengths: float32 [n], where each ray ends, in its own lengths.
-        triangle: int32 [n], which triangle it hits; -1 none.
+        lengths: float32 [n], ray parameter of the hit.
+        triangle: int32 [n], index of the triangle that is hit; -1 for none.
         u: float32 [n], barycentric weight of the triangle's second corner.
-        v: float32 [n], of its third.
-        geometric: float32 [n, 3], normal of the triangle, any length and side.
-        corner_normals: float32 [T, 3, 3], shading normals.
-        triangle_part: int32 [T].
-        lift: How far, relative to the depth (at least 1 m), secondary rays start above the surface.
-        part: int32 [n], written; -1 nothing.
-        depth: float32 [n], written; 0 nothing.
-        points: float32 [n, 3], written.
-        starts: float32 [n, 3], written: origins of secondary rays.
-        normals: float32 [n, 3], written: shading normals, on the eye's side.
-        facing: float32 [n], written: cosine of the angle of incidence.
+        v: float32 [n], barycentric weight of the triangle's third corner.
+        geometric: float32 [n, 3], normal of the triangle, with any length and orientation.
+        corner_normals: float32 [T, 3, 3], shading normals of the triangle corners.
+        triangle_part: int32 [T], part of each triangle.
+        lift: Offset of secondary ray origins from the surface, relative to the depth (at least 1 m).
+        part: int32 [n], output; -1 for no hit.
+        depth: float32 [n], output; 0 for no hit.
+        points: float32 [n, 3], output: surface points.
+        starts: float32 [n, 3], output: origins of secondary rays.
+        normals: float32 [n, 3], output: shading normals, facing the eye.
+        facing: float32 [n], output: cosine of the angle of incidence.
     """
     for n in range(len(rays)):
         t = triangle[n]
@@ -98,17 +98,17 @@ def to_own_frames(
     own_points: Floats,
     own_normals: Floats,
 ) -> None:
-    """Express points and normals in the frames of their parts.
+    """Transform points and normals to the frames of their parts.
 
     Args:
-        order: int64 [n], which point comes where in what is written.
-        part: int32 [n]; -1 nothing.
-        points: float32 [n, 3].
-        normals: float32 [n, 3].
-        turns: float32 [P, 3, 3], from each part's frame to the room's.
-        shifts: float32 [P, 3].
-        own_points: float32 [n, 3], written in the given order.
-        own_normals: float32 [n, 3], the same.
+        order: int64 [n], index of the input point for each output row.
+        part: int32 [n], part of each point; -1 for none.
+        points: float32 [n, 3], points in the room.
+        normals: float32 [n, 3], normals in the room.
+        turns: float32 [P, 3, 3], rotation from each part's frame to the room's.
+        shifts: float32 [P, 3], origin of each part's frame in the room.
+        own_points: float32 [n, 3], output, in the given order.
+        own_normals: float32 [n, 3], output, in the given order.
     """
     for k in range(len(order)):
         n = order[k]
@@ -123,7 +123,7 @@ def to_own_frames(
 
 @compiled
 def rays_to_samples(starts: Floats, samples: Floats, width: int, tile: int, rays: Floats) -> None:
-    """Write the rays [n, 3] from each start to the sample [tile * tile, 3] of its pixel's place in the tile."""
+    """Write the ray [n, 3] from each start to the sample [tile * tile, 3] at its pixel's position in the tile."""
     for n in range(len(starts)):
         sample = samples[(n // width % tile) * tile + n % width % tile]
         for c in range(3):
@@ -132,7 +132,7 @@ def rays_to_samples(starts: Floats, samples: Floats, width: int, tile: int, rays
 
 @compiled
 def rays_about_normals(normals: Floats, samples: Floats, width: int, tile: int, rays: Floats) -> None:
-    """Write the rays [n, 3] from each surface to a point of the unit sphere [tile * tile, 3] about its normal's tip."""
+    """Write a random ray [n, 3] around each normal: normal + its tile's sample [tile * tile, 3] of the unit sphere."""
     for n in range(len(normals)):
         sample = samples[(n // width % tile) * tile + n % width % tile]
         for c in range(3):
@@ -150,17 +150,17 @@ def smooth_along(
     radius: int,
     out: Floats,
 ) -> None:
-    """Average noisy light over neighbours along one axis that lie on the same smooth surface.
+    """Average noisy light along one axis over neighbours on the same smooth surface.
 
     Args:
         down: 1 for neighbours in the same column, else 0.
         right: 1 for neighbours in the same row, else 0.
         values: float32 [H, W, C].
-        part: int32 [H, W], which part each pixel shows; -1 nothing.
+        part: int32 [H, W], part visible in each pixel; -1 for none.
         depth: float32 [H, W], metres.
         normals: float32 [H, W, 3], unit length.
-        radius: Pixels to each side.
-        out: float32 [H, W, C], written.
+        radius: Number of pixels to each side.
+        out: float32 [H, W, C], output.
     """
     height, width, channels = values.shape
     for i in range(height):
@@ -198,20 +198,20 @@ def reflected_light(
     ambient: Floats,
     out: Floats,
 ) -> None:
-    """Add up what each point reflects: ambient light, and of each lamp the diffuse part and a highlight (Blinn-Phong).
+    """Compute the light reflected by each point: ambient light plus a diffuse and a Blinn-Phong term per light source.
 
     Args:
         eye: float32 [3].
         points: float32 [n, 3].
         normals: float32 [n, 3], unit length.
-        surface: float32 [n, 3], the surfaces' colours, gamma encoded with an exponent of 2, 0 to 1.
+        surface: float32 [n, 3], surface colours, gamma encoded with exponent 2, 0 to 1.
         gloss: float32 [n], 0 to 1.
-        visible: float32 [n, L + 1], share of each lamp that is seen, and of the open surroundings.
-        places: float32 [L, 3], of the lamps.
-        lights: float32 [L, 3], irradiance from `reaches` metres.
-        reaches: float32 [L].
-        ambient: float32 [2, 3], from below and from above.
-        out: float32 [n, 3], written: linear light.
+        visible: float32 [n, L + 1], visible share of each light source; the last column is the ambient openness.
+        places: float32 [L, 3], positions of the light sources.
+        lights: float32 [L, 3], irradiance at distance `reaches`.
+        reaches: float32 [L], reference distances, metres.
+        ambient: float32 [2, 3], ambient light from below and from above.
+        out: float32 [n, 3], output: linear light.
     """
     lamps = len(places)
     for n in range(len(points)):

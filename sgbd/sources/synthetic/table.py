@@ -1,4 +1,4 @@
-"""The table that objects are dropped on."""
+"""Generate the table, or the patch of floor, that objects are dropped on."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ class Table:
     """A table whose top is centred above the origin of the room.
 
     Attributes:
-        round: Whether the top is a disc, else a rectangle.
-        size: Lengths of the top along x and y, metres (both the diameter for a disc).
+        round: Whether the top is a disc; otherwise a rectangle.
+        size: Lengths of the top along x and y, metres (both are the diameter for a disc).
         height: Height of the top's surface above the floor, metres.
-        parts: What is seen, in the room's frame.
+        parts: Visible parts in the room's frame.
     """
 
     round: bool
@@ -30,7 +30,7 @@ class Table:
     parts: tuple[Part, ...]
 
     def holds(self, position: npt.NDArray[np.float64]) -> bool:
-        """Say whether a point lies above the top."""
+        """Return whether a point lies above the table top."""
         half = np.asarray(self.size) / 2
         if self.round:
             inside = bool(np.hypot(position[0], position[1]) <= half[0])
@@ -40,7 +40,7 @@ class Table:
 
 
 def random_table(rng: np.random.Generator) -> Table:
-    """Draw a table: round or rectangular, of wood, stone or laminate, plain or under a checked cloth."""
+    """Draw a table: round or rectangular; of wood, stone or laminate, or with a checked cloth."""
     is_round = bool(rng.random() < 0.35)
     height = rng.uniform(0.55, 0.85)
     thick = rng.uniform(0.02, 0.05)
@@ -76,7 +76,7 @@ def random_table(rng: np.random.Generator) -> Table:
 
 
 def random_floor(rng: np.random.Generator) -> Table:
-    """Draw a patch of floor, such as a carpet or boards, in place of a table."""
+    """Draw a patch of floor, such as a carpet or boards, to use instead of a table."""
     size = (rng.uniform(2.2, 3.2), rng.uniform(2.2, 3.2))
     thick = rng.uniform(0.005, 0.02)
     texture = finishes.cloth(rng) if rng.random() < 0.4 else _top_texture(rng)

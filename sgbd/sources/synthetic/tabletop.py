@@ -1,4 +1,4 @@
-"""The embedded synthetic dataset as a source of frames."""
+"""The embedded synthetic dataset as a frame source."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from sgbd.sources.tod import Tod
 
 
 class Tabletop(Tod):
-    """Synthetic tabletop clutter with TOD's 25 categories, made on demand and kept in the TOD layout.
+    """Synthetic tabletop clutter with TOD's 25 categories, generated on demand and stored in the TOD layout.
 
-    Parametric objects are dropped on a table by rigid-body physics, in a furnished room, and ray cast with lamps,
-    shadows and textures. Training and validation frames hold the 12 seen categories of TOD-Z, test frames all 25.
+    A rigid-body simulation drops parametric objects on a table in a furnished room, and a ray caster renders them with
+    light sources, shadows and textures. Training and validation frames contain the 12 seen categories of TOD-Z, test
+    frames all 25.
 
     | split | frames (default) | categories         |
     |-------|------------------|--------------------|
@@ -24,28 +25,29 @@ class Tabletop(Tod):
     | val   | 50               | 12 seen            |
     | test  | 100              | 12 seen, 13 unseen |
 
-    The frames of every other recipe lie in another folder, `root/<name>-<digest of the recipe>`, so that a change of an
-    argument never reads stale frames. Nothing is made by reading: call `generate` first.
+    The frames of each recipe are stored in their own folder, `root/<name>-<digest of the recipe>`, so that changing an
+    argument never reads outdated frames. Reading does not generate frames: call `generate` first.
 
     Args:
-        root: Folder in which the datasets' folders lie.
+        root: Parent folder of the generated datasets.
         split: "train", "val" or "test".
         train_frames: Number of training frames.
         val_frames: Number of validation frames.
         test_frames: Number of test frames.
-        views_per_scene: Pictures taken of each arrangement of objects.
-        objects: Least and largest number of objects on the table.
+        views_per_scene: Number of views of each scene.
+        objects: Minimum and maximum number of objects on the table.
         resolution: Width and height, pixels.
-        sensor: "clean" for exact depth, as in TOD; "kinect" for quantised depth with holes and a noisy colour camera;
-            "varied" for another camera in every frame: structured light, stereo or exact, with or without what lies
+        sensor: "clean" for exact depth as in TOD; "kinect" for quantised depth with holes and a noisy colour camera;
+            "varied" for a different camera in every frame: structured light, stereo or exact, with or without depth
             beyond the table.
-        seed: Fixes the frames, whatever the number of workers.
-        variety: "tabletop" for clutter on tables, "wide" for anything from one box on a floor to heaps and stacks.
-        name: What the dataset's folder begins with.
-        train_categories: What the objects of training and validation frames are drawn from; None for TOD-Z's 12 seen
+        seed: Random seed; the frames do not depend on the number of workers.
+        variety: "tabletop" for clutter on tables; "wide" for scenes from a single box on the floor to heaps and stacks;
+            "assorted" for "wide" with additional made-up objects without a category.
+        name: Prefix of the dataset's folder name.
+        train_categories: Categories of the objects in training and validation frames; None for TOD-Z's 12 seen
             categories.
-        min_objects, min_object_pixels, seen, unseen_objects, max_train_frames, subset_seed: As in `sgbd.sources.Tod`:
-            they choose among the frames, and make none.
+        min_objects, min_object_pixels, seen, unseen_objects, max_train_frames, subset_seed: As in `sgbd.sources.Tod`;
+            they select among the generated frames and do not affect the recipe.
 
     Raises:
         ValueError: If a value is out of range.
@@ -110,21 +112,22 @@ class Tabletop(Tod):
 
     @property
     def generated(self) -> bool:
-        """Whether all frames are there."""
+        """Whether all frames have been generated."""
         return generation.is_complete(self.root, self.recipe)
 
     def generate(self, workers: int | None = None, progress: bool = True) -> None:
-        """Make all splits' frames that are not there yet.
+        """Generate the missing frames of all splits.
 
-        It needs the packages of the extra `sgbd[synthetic]`. Killed, it continues where it stopped.
+        Needs the extra `sgbd[synthetic]`. An interrupted generation resumes where it stopped.
 
         Args:
-            workers: Processes; None for one a core, 0 for this one alone. It does not change the frames.
+            workers: Number of worker processes; None for one per core, 0 to run in this process. The frames do not
+                depend on it.
             progress: Whether to show a progress bar.
 
         Raises:
             MissingExtraError: If the extra is not installed.
-            GenerationError: If a scene cannot be made or written.
+            GenerationError: If a scene cannot be generated or written.
         """
         generation.generate(self.root, self.recipe, workers, progress)
 

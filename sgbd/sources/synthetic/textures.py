@@ -1,7 +1,7 @@
-"""Procedural surfaces: the colour of each point of a part, from its place on the part alone.
+"""Procedural textures: the colour of a surface point as a function of its position.
 
-A texture is called with points and normals in the frame of the part's object, so that it is fixed to the object and
-needs no texture coordinates. Colours are as stored in image files (gamma encoded), 0 to 1.
+A texture is called with points and normals in the object's frame, so that it moves with the object and needs no texture
+coordinates. Colours are gamma encoded as in image files, 0 to 1.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ Color = npt.NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class Texture(ABC):
-    """How a surface looks.
+    """Appearance of a surface.
 
     Attributes:
-        gloss: Strength of the highlights, 0 matte to 1 polished.
+        gloss: Strength of highlights, from 0 (matte) to 1 (polished).
     """
 
     gloss: float = field(default=0.15, kw_only=True)
@@ -42,9 +42,9 @@ class Texture(ABC):
 
 
 def face_coordinates(points: Floats, normals: Floats) -> Floats:
-    """Return the two coordinates [n, 2] that run along the box face which each normal points out of.
+    """Return the two coordinates [n, 2] along the box face that each normal belongs to.
 
-    The second one is the height on upright faces.
+    On vertical faces the second coordinate is the height.
     """
     axis = np.argmax(np.abs(normals), axis=1)
     first = np.where(axis == 0, points[:, 1], points[:, 0])
@@ -58,9 +58,9 @@ class Plain(Texture):
 
     Attributes:
         color: float32 [3].
-        grain: Strength of the grain, a share of the colour.
+        grain: Strength of the grain, relative to the colour.
         scale: Size of the grain, metres.
-        seed: Which grain.
+        seed: Seed of the grain.
     """
 
     color: Color
@@ -83,8 +83,8 @@ class Speckled(Texture):
     Attributes:
         colors: float32 [2, 3].
         scale: Size of the speckles along x, y, z, metres.
-        contrast: 0 smooth to 1 sharp borders.
-        seed: Which noise.
+        contrast: From 0 (smooth transitions) to 1 (sharp borders).
+        seed: Seed of the noise.
     """
 
     colors: Floats
@@ -106,9 +106,9 @@ class Stripes(Texture):
 
     Attributes:
         colors: float32 [k, 3], repeated.
-        direction: float32 [3], unit vector across the bands; None for bands around the z axis's angle.
-        period: Width of all k bands together: metres, or radians around the axis.
-        phase: Where the first begins, in periods.
+        direction: float32 [3], unit vector perpendicular to the bands; None for bands by angle around the z axis.
+        period: Total width of the k bands, metres, or radians around the axis.
+        phase: Offset of the first band, in periods.
     """
 
     colors: Floats
@@ -128,12 +128,12 @@ class Stripes(Texture):
 
 @dataclass(frozen=True, eq=False)
 class Checks(Texture):
-    """A chequered pattern, or the crossed bands of a woven check.
+    """A chequered pattern or a woven check.
 
     Attributes:
         colors: float32 [2, 3].
         size: Side of a square, metres.
-        woven: Half-transparent bands that cross, rather than alternating squares.
+        woven: Whether to draw crossing semi-transparent bands instead of alternating squares.
     """
 
     colors: Floats
@@ -150,7 +150,7 @@ class Checks(Texture):
 
 @dataclass(frozen=True, eq=False)
 class Wood(Texture):
-    """Wooden boards: each of its own tint, with grain along it.
+    """Wood with grain, in one piece or as boards of varying tint.
 
     Attributes:
         color: float32 [3].
@@ -158,7 +158,7 @@ class Wood(Texture):
         board: Width of a board, metres; 0 for one piece.
         length: Length of a board, metres.
         contrast: Strength of the grain.
-        seed: Which grain.
+        seed: Seed of the grain.
     """
 
     color: Color
@@ -202,11 +202,11 @@ class Tiles(Texture):
     Attributes:
         color: float32 [3].
         joint_color: float32 [3].
-        size: Lengths of a tile along the two directions of a face, metres.
+        size: Size of a tile along the two directions of a face, metres.
         joint: Width of the joints, metres.
         offset: Shift of every other row, in tiles: 0 for tiles, 0.5 for bricks.
-        variety: How much the tiles differ.
-        seed: Which tints.
+        variety: Variation of brightness between tiles.
+        seed: Random seed of the brightness of the tiles.
     """
 
     color: Color
@@ -233,12 +233,12 @@ class Tiles(Texture):
 
 @dataclass(frozen=True, eq=False)
 class Bands(Texture):
-    """Other textures from certain heights on: a collar, a dipped glaze, a coloured base.
+    """Different textures at different heights: a collar, a dipped glaze, a coloured base.
 
     Attributes:
-        textures: k of them, from bottom to top.
-        heights: The k - 1 heights between them, rising, metres.
-        axis: Along which, 0 for x, 1 for y, 2 for z.
+        textures: The k textures, from bottom to top.
+        heights: The k - 1 ascending heights between them, metres.
+        axis: Axis of the heights, 0 for x, 1 for y, 2 for z.
     """
 
     textures: tuple[Texture, ...]
@@ -258,15 +258,15 @@ class Bands(Texture):
 
 @dataclass(frozen=True, eq=False)
 class Printed(Texture):
-    """A picture on a part, and another texture where there is none.
+    """An image on a part, with another texture around it.
 
     Attributes:
         image: float32 [h, w, 3], 0 to 1.
-        base: Texture outside of the picture.
-        mapping: `around` (the picture goes around the z axis), or the face that carries it: `+x`, `-x`, `+y`, `-y`,
-            `+z`, `-z`, or `box` for all faces.
-        low: Where the picture begins: (first coordinate, height) on a face, (angle, height) around the axis.
-        high: Where it ends; it is repeated around the axis if it spans less than the full turn.
+        base: Texture outside the image.
+        mapping: `around` to wrap the image around the z axis, or the face that shows it: `+x`, `-x`, `+y`, `-y`, `+z`,
+            `-z`, or `box` for all faces.
+        low: Start of the image: (first coordinate, height) on a face, (angle, height) around the axis.
+        high: End of the image; around the axis it is repeated if it spans less than a full turn.
     """
 
     image: Floats
@@ -281,7 +281,7 @@ class Printed(Texture):
         if self.mapping == "around":
             place = np.stack([np.arctan2(points[:, 1], points[:, 0]), points[:, 2]], axis=1)
             place[:, 0] = (place[:, 0] - self.low[0]) % np.float32(width) + self.low[0]
-            # Lids, bottoms and the insides of hollow things carry no label.
+            # Lids, bottoms and the insides of hollow objects show no label.
             shown = (normals[:, :2] * points[:, :2]).sum(axis=1) > 0.3 * np.linalg.norm(points[:, :2], axis=1)
         else:
             place = face_coordinates(points, normals)
@@ -290,7 +290,7 @@ class Printed(Texture):
                 axis, sign = "xyz".index(self.mapping[1]), 1 if self.mapping[0] == "+" else -1
                 shown = normals[:, axis] * sign > 0.6
                 if self.mapping in ("-x", "+y"):
-                    # Seen from outside, these two faces have their first coordinate running to the left.
+                    # On these two faces, the first coordinate runs to the left when seen from outside.
                     place[:, 0] = self.low[0] + self.high[0] - place[:, 0]
         u = (place[:, 0] - self.low[0]) / np.float32(width)
         v = (self.high[1] - place[:, 1]) / np.float32(height)
@@ -316,6 +316,6 @@ def _bilinear(image: Floats, u: Floats, v: Floats) -> Floats:
 
 
 def _edge_distance(place: Floats, period: float) -> Floats:
-    """Return the distance of each coordinate to the nearest multiple of the period."""
+    """Return the distance from each coordinate to the nearest multiple of the period."""
     within = place % np.float32(period)
     return np.minimum(within, np.float32(period) - within)

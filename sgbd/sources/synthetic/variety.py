@@ -1,4 +1,4 @@
-"""How much the scenes of a synthetic dataset differ from each other."""
+"""Ranges that control how much the scenes of a synthetic dataset vary."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ class Variety:
     """Ranges that scenes are drawn from.
 
     Attributes:
-        few: Share of scenes with few objects, from one to six (or the most that is asked for).
-        floor: Share of scenes on the floor, in place of a table.
+        few: Share of scenes with few objects: at most six.
+        floor: Share of scenes on the floor instead of a table.
         packaging: Share of objects that are cartons and rolls, which have no category.
-        sundries: Share of the others that are put together from different parts, and have no category either.
-        stacked: Share of objects dropped upright on one that lies there already.
-        spread: Smallest and largest radius of the place where objects are dropped, in units of the radius of the disc
-            with the area of half of their footprints; drawn on a logarithmic scale if `log_spread`.
-        log_spread: See `spread`.
-        distance: Nearest and farthest camera, metres from what it looks at.
-        elevation: Lowest and highest camera above the horizon, degrees.
-        focal: Shortest and longest focal length, in widths of the picture; None for the usual one.
+        sundries: Share of the remaining objects that are made-up composite objects, also without a category.
+        stacked: Share of objects dropped upright on another object.
+        spread: Range of a factor for the radius of the area in which objects are dropped, which grows with the square
+            root of their total footprint.
+        log_spread: Whether the spread is drawn on a logarithmic scale.
+        distance: Range of the distance between camera and target, metres.
+        elevation: Range of the camera elevation above the horizontal, degrees.
+        focal: Range of the focal length, in image widths; None for the default focal length.
     """
 
     few: float = 0.0
@@ -52,5 +52,5 @@ VARIETIES = {
     "wide": WIDE,
     "assorted": replace(WIDE, few=0.35, packaging=0.25, sundries=0.5),
 }
-"""`tabletop` is cluttered like TOD; `wide` goes from one box on a floor to heaps, for a model that meets anything;
-`assorted` has as many made-up things without a category among them as things with one."""
+"""`tabletop` is clutter as in TOD; `wide` ranges from a single box on the floor to heaps, to train general models;
+`assorted` adds made-up objects without a category, about as many as objects with one."""

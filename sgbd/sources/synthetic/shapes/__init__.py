@@ -51,6 +51,6 @@ SHAPES: dict[str, Callable[[np.random.Generator], Shape]] = {
         washer,
     )
 }
-"""The builder of each category: it draws one object."""
+"""Function of each category that draws one object."""
 
 __all__ = ["SHAPES", "Part", "Shape", "Solid"]

@@ -1,4 +1,4 @@
-"""Ashcan, bag, bottle, bowl, can, jar, mug, pot: things that hold something."""
+"""Containers: ashcan, bag, bottle, bowl, can, jar, mug, pot."""
 
 from __future__ import annotations
 
@@ -303,7 +303,7 @@ def mug(rng: np.random.Generator) -> Shape:
     thickness = rng.uniform(0.0045, 0.0075)
     reach, drop = radius * rng.uniform(0.55, 0.8), height * rng.uniform(0.26, 0.36)
     path = arc((radius - wall, 0, 0.52 * height), (reach + wall, drop), -np.pi / 2, np.pi / 2, "xz", 14)
-    # Half of the handles have the colour of the inside or of another mug: a colour edge within one object.
+    # Many handles get a different colour than the body: a colour edge within one object.
     handle = texture if rng.random() < 0.6 and not isinstance(texture, Printed) else finishes.plastic(rng)
     parts = [
         Part("cup", lathe(profile, 32), texture),
@@ -405,7 +405,7 @@ def _hoop(radius: float, thickness: float) -> list[tuple[float, float]]:
 
 
 def _rounded(points: np.ndarray, radius: float) -> np.ndarray:
-    """Return corner points pulled in and replaced by small balls, whose hull has round edges."""
+    """Replace corner points by small balls further inside; their hull has rounded edges."""
     middle = points.mean(axis=0)
     inset = points - radius * np.sign(points - middle)
     ball = ellipsoid((radius,) * 3, subdivisions=1).vertices

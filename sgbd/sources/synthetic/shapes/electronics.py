@@ -356,7 +356,7 @@ def laptop(rng: np.random.Generator) -> Shape:
         Part("keys", box((0.86 * width, 0.42 * depth, 0.002), (0, 0.19 * depth, thick + 0.0006)), keys),
         Part("pad", box((0.26 * width, 0.2 * depth, 0.001), (0, -0.26 * depth, thick + 0.0004)), finishes.plastic(rng)),
     ]
-    # Turned back from lying on the keys (0) by the opening angle.
+    # Rotate the lid by the opening angle, starting from closed (0).
     opening = rng.uniform(1.25, 2.2)
     turn = rotation("x", -opening)
     hinge = np.array([0, depth / 2 - 0.004, thick + 0.002])
@@ -366,7 +366,7 @@ def laptop(rng: np.random.Generator) -> Shape:
     border = rng.uniform(0.03, 0.07)
     glass = box(((1 - 2 * border) * width, (1 - 2.6 * border) * depth, 0.002), (0, -depth / 2, 0.0))
     upright = opening > np.pi / 4
-    # The screen's picture is laid on the box face that the tilted lid shows most of.
+    # Map the screen image to the box face that the tilted lid faces most.
     tall = depth * abs(np.sin(opening))
     shown: Texture = Plain(colors.dark(rng), gloss=0.7)
     if upright:

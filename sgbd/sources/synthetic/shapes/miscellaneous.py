@@ -168,7 +168,7 @@ def helmet(rng: np.random.Generator) -> Shape:
         parts.append(Part("brim", lathe(brim, 34, squash), texture if rng.random() < 0.5 else trim))
         ridge = arc((0, 0, skirt), (radius * squash * 0.97, height - skirt + 0.006), 0.35, np.pi - 0.35, "yz", 16)
         parts.append(Part("ridge", tube(ridge, 0.008, 8), main))
-        # One disc below the shell would close it: the brim collides as part of the lowest ring.
+        # A disc below the shell would close it, so the brim is made part of the lowest ring for collisions.
         solids += list(
             _squashed(
                 hollow([(1.22 * radius, 0), (1.0 * radius, 0.012)], [(0.9 * radius, 0.0), (0.9 * radius, 0.01)], 10)[
@@ -231,7 +231,7 @@ def knife(rng: np.random.Generator) -> Shape:
     back = np.array([[-0.004, 0, middle], [-0.5 * grip_length, bow, middle], [-grip_length, 1.3 * bow, middle]])
     grip_radii = np.array([0.8, 1.0, 0.9]) * grip_thick / 2
     handle = tube(back, grip_radii, 12)
-    # The sweep's section is round: stretch it to the depth of the grip.
+    # The swept cross-section is round: stretch it to the depth of the grip.
     handle.apply_scale([1, grip_deep / grip_thick, 1])
     parts = [Part("blade", hull(points), steel), Part("handle", handle, grip)]
     parts.append(
@@ -268,7 +268,7 @@ def pillow(rng: np.random.Generator) -> Shape:
             seams.append(tube(np.stack([s * sag_x, line * depth / 2, 0 * line], 1), radius, 6))
             seams.append(tube(np.stack([line * width / 2, s * sag_y, 0 * line], 1), radius, 6))
         parts.append(Part("piping", joined(seams), piping))
-    # A hull over every third vertex of the swelling, drawn in a little: cloth gives way.
+    # Use a slightly smaller hull of every third vertex for collisions: cloth is soft.
     points = mesh.vertices[np.abs(mesh.vertices[:, 2]) > 0.1 * thick][::3] * [0.98, 0.98, 0.97]
     return assemble("pillow", parts, [solid_hull(points)], upright=0.7)
 

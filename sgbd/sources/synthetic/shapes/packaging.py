@@ -1,4 +1,4 @@
-"""Carton, roll: packaging without a category of its own, which makes training frames look more like real tables."""
+"""Carton and roll: packaging without a category, which makes training frames more like real tables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an object is made of: parts to be seen, solids to collide with."""
+"""The components of an object: visible parts and solids for collision."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class Part:
     """A closed surface with one texture.
 
     Attributes:
-        name: What it is, such as `handle`.
-        mesh: In the object's frame, metres.
-        texture: Its look.
+        name: Name of the part, such as `handle`.
+        mesh: Mesh in the object's frame, metres.
+        texture: Texture of the surface.
     """
 
     name: str
@@ -32,12 +32,12 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A convex body for the physics.
+    """A convex body for the physics simulation.
 
     Attributes:
         kind: `box`, `cylinder` or `hull`.
         size: Half lengths [3] of a box; (radius, half height) of a cylinder; points [n, 3] of a hull. Metres.
-        center: Place in the object's frame.
+        center: Position in the object's frame.
         turn: Rotation [3, 3] in the object's frame.
     """
 
@@ -49,13 +49,13 @@ class Solid:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """One object: z is up when it stands as it is used; the origin is the middle of its bounding box.
+    """One object; z points up in its normal orientation, and the origin is the centre of its bounding box.
 
     Attributes:
-        category: Name of its category.
-        parts: What is seen.
-        solids: What collides. They follow the parts closely, so that what touches there touches in the picture.
-        upright: Probability that it is dropped standing up.
+        category: Category name.
+        parts: Visible parts.
+        solids: Collision bodies. They follow the parts closely, so that contacts look right in the image.
+        upright: Probability that the object is dropped upright.
     """
 
     category: str
@@ -65,7 +65,7 @@ class Shape:
 
     @property
     def radius(self) -> float:
-        """Radius of the smallest ball about the origin that holds the parts, metres."""
+        """Radius of the smallest sphere around the origin that contains the parts, metres."""
         return max(float(np.linalg.norm(part.mesh.vertices, axis=1).max()) for part in self.parts)
 
     @property
@@ -77,12 +77,12 @@ class Shape:
 
 
 def solid_box(size: npt.ArrayLike, center: npt.ArrayLike = (0, 0, 0), turn: Floats | None = None) -> Solid:
-    """Return a box by its full lengths."""
+    """Return a box from its full lengths."""
     return Solid("box", np.asarray(size, float) / 2, np.asarray(center, float), np.eye(3) if turn is None else turn)
 
 
 def solid_cylinder(radius: float, height: float, center: npt.ArrayLike = (0, 0, 0), axis: str = "z") -> Solid:
-    """Return a cylinder along an axis by its radius and full height."""
+    """Return a cylinder along an axis from its radius and full height."""
     return Solid("cylinder", np.array([radius, height / 2]), np.asarray(center, float), axis_rotation(axis))
 
 
@@ -92,11 +92,11 @@ def solid_hull(points: npt.ArrayLike) -> Solid:
 
 
 def hollow(outer: npt.ArrayLike, inner: npt.ArrayLike, sections: int = 10) -> tuple[Solid, ...]:
-    """Return the wall of a turned vessel as wedges, so that other things can fall into it.
+    """Return the wall of a round vessel as wedges, so that other objects can fall into it.
 
     Args:
         outer: (radius, height) at the bottom and at the top of the outside, [2, 2].
-        inner: The same of the inside.
+        inner: (radius, height) at the bottom and at the top of the inside, [2, 2].
         sections: Number of wedges.
 
     Returns:
@@ -105,7 +105,7 @@ def hollow(outer: npt.ArrayLike, inner: npt.ArrayLike, sections: int = 10) -> tu
     (r0, z0), (r1, z1) = np.asarray(outer, float)
     (q0, w0), (q1, w1) = np.asarray(inner, float)
     edges = np.linspace(0, 2 * np.pi, sections + 1)
-    # The wedge's flat outer side would lie inside of the circle: push its corners out to the same mean radius.
+    # The flat outer side of a wedge lies inside the circle: move its corners outwards to keep the mean radius.
     swell = 0.5 * (1 + 1 / np.cos(np.pi / sections))
     solids = []
     for a, b in pairwise(edges):
@@ -122,7 +122,7 @@ def hollow(outer: npt.ArrayLike, inner: npt.ArrayLike, sections: int = 10) -> tu
 def assemble(category: str, parts: list[Part], solids: list[Solid], upright: float = 0.6) -> Shape:
     """Return a shape, moved so that its bounding box is centred on the origin.
 
-    Meshes move; textures keep the frame in which they were written down, so they are called with shifted points.
+    Textures stay defined in the original frame: they are wrapped to be called with points shifted back.
     """
     low = np.min([part.mesh.bounds[0] for part in parts], axis=0)
     high = np.max([part.mesh.bounds[1] for part in parts], axis=0)
@@ -145,11 +145,11 @@ def assemble(category: str, parts: list[Part], solids: list[Solid], upright: flo
 
 @dataclass(frozen=True, eq=False)
 class Shifted(Texture):
-    """A texture in a frame that lies elsewhere.
+    """A texture defined in a translated frame.
 
     Attributes:
         texture: The texture.
-        shift: float32 [3], what is added to points before it is called.
+        shift: float32 [3], added to points before calling the texture.
     """
 
     texture: Texture

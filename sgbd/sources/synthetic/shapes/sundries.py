@@ -1,7 +1,7 @@
-"""Binder, stand, tool, assembly, tray: made-up things without a category, from parts that differ in look and shape.
+"""Binder, stand, tool, assembly, tray: made-up composite objects whose parts differ in appearance and shape.
 
-What an object nobody named is made of can't be known; that its parts belong together in spite of a crease, a step or
-another colour between them can be learned. None of these follows one of the 25 categories.
+They teach a model that the parts of an unknown object belong together despite a crease, a step or a change of colour
+between them. None of them resembles one of the 25 categories.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def binder(rng: np.random.Generator) -> Shape:
     hinge = np.array([0.0, depths[0] / 2, thick[0]])
     outside = surface(rng)
     covers = [outside, outside if rng.random() < 0.6 else surface(rng)]
-    # Leaf 0 lies flat; leaf 1 is turned back about the hinge from lying upon it.
+    # Leaf 0 lies flat; leaf 1 is rotated about the hinge, starting from lying on leaf 0.
     poses = [(np.eye(3), np.array([0.0, 0.0, thick[0] / 2])), (turn, hinge)]
     centers = [np.zeros(3), np.array([0.0, -depths[1] / 2, thick[1] / 2])]
     parts, solids = [], []
@@ -159,7 +159,7 @@ def assembly(rng: np.random.Generator) -> Shape:
 
 
 def tray(rng: np.random.Generator) -> Shape:
-    """An open vessel with four to eight flat walls, which other things fall into: a tray, a crate, an open box."""
+    """An open vessel with four to eight flat walls that objects can fall into: a tray, a crate, an open box."""
     sides = int(rng.choice([4, 4, 4, 5, 6, 8]))
     radius = log_uniform(rng, 0.06, 0.2)
     height = log_uniform(rng, 0.02, 0.16)
@@ -186,16 +186,16 @@ def tray(rng: np.random.Generator) -> Shape:
 
 
 SUNDRIES: tuple[Callable[[np.random.Generator], Shape], ...] = (binder, stand, tool, assembly, tray)
-"""All of them, equally frequent."""
+"""All made-up objects, drawn with equal probability."""
 
 
 def convex(rng: np.random.Generator, size: Points, foot: Points) -> tuple[trimesh.Trimesh, Solid]:
-    """Draw a convex body, as it is seen and as it collides: a box, a tapered box, a roof, a cylinder, a cone, an egg.
+    """Draw a convex body as mesh and as collision solid: a box, tapered box, roof, cylinder, cone or egg.
 
     Args:
-        rng: Source of chance.
+        rng: Random generator.
         size: Lengths along x, y, z [3], metres.
-        foot: Middle of its bottom [3].
+        foot: Centre of its bottom [3].
     """
     kind = int(rng.integers(6))
     middle = foot + np.array([0, 0, size[2] / 2])
@@ -212,12 +212,12 @@ def convex(rng: np.random.Generator, size: Points, foot: Points) -> tuple[trimes
         mesh = ellipsoid((0.5, 0.5, 0.5), (0, 0, 0.5), 3)
     mesh.apply_scale(size)
     mesh.apply_translation(foot)
-    # Coarser than what is seen, and hardly smaller.
+    # The collision hull is coarser than the mesh and only slightly smaller.
     return mesh, solid_hull(mesh.vertices[:: 1 if kind < 5 else 3])
 
 
 def surface(rng: np.random.Generator) -> Texture:
-    """Draw any finish; a third carries a print."""
+    """Draw any finish; one third of them have a print."""
     makers = (finishes.plastic, finishes.plastic, finishes.casing, finishes.metallic, finishes.wooden, finishes.cloth)
     base: Texture = makers[int(rng.integers(len(makers)))](rng)
     if rng.random() < 0.33:
