@@ -32,7 +32,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    # Its layers are PyG's, for which the others need not wait.
+    # Imported on use: it needs PyG, which loads slowly and which the other models do without.
     if name == "EdgeTransformer":
         from sgbd.models.attention import EdgeTransformer
 

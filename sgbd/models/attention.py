@@ -1,4 +1,4 @@
-"""Graph attention biased by the edges."""
+"""Graph attention with edge features."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ class EdgeTransformer(EdgeClassifier):
     """Multi-head attention over neighbours, with the edge features in keys and values.
 
     Layers are PyG's `TransformerConv`: Shi et al., "Masked label prediction: unified message passing model for
-    semi-supervised classification", IJCAI 2021, https://doi.org/10.24963/ijcai.2021/214, eq. 3-5. Residual, with layer
-    norm before each attention. The logit is read from the two nodes' states and the encoded edge features.
+    semi-supervised classification", IJCAI 2021, https://doi.org/10.24963/ijcai.2021/214, eq. 3-5. They are residual,
+    with layer norm before each attention. The logit is computed from the two nodes' states and the encoded edge
+    features.
 
     Args:
         node_channels: Columns of `Data.x`.
         edge_channels: Columns of `Data.edge_attr`; with 0 columns attention has no edge bias.
         hidden_channels: Width of node states; a multiple of `heads`.
-        num_layers: Number of attention layers, the radius of what a pair sees.
-        heads: Attention heads.
+        num_layers: Number of attention layers; a pair sees neighbours up to this many edges away.
+        heads: Number of attention heads.
         dropout: Share of attention weights dropped in training.
 
     Raises:
-        ValueError: If a size is not positive or the width is no multiple of the heads.
+        ValueError: If a size is not positive or the width is not a multiple of the number of heads.
     """
 
     def __init__(

@@ -16,20 +16,21 @@ if TYPE_CHECKING:
 
 
 class EdgeClassifier(nn.Module, ABC):
-    r"""A network that gives every asked-for pair of superpixels a merge logit.
+    r"""A network that gives every requested pair of superpixels a merge logit.
 
-    The work is divided in two, so that a model says only what is its own:
+    The work is divided in two, so that a model implements only what is specific to it:
 
     * `embed` turns the features of the whole graph into node and edge states. Message passing happens here, and it
-      always sees the whole graph, whatever pairs are asked for. The default hands the standardised features on.
+    always
+      sees the whole graph, whatever pairs are requested. The default returns the standardised features.
     * `score` turns the states at the two ends of a directed pair, and of the edge between them, into a logit.
 
-    Merging has no direction, but `score` may have one. During training a pair is scored in the direction that it is
-    given in (the sampler turns a random half of them). In evaluation the logit is
-    :math:`\tfrac12(s_{ij} + s_{ji})`, which does not change when the two ends change places, to the last bit.
+    Merging has no direction, but `score` may have one. In training, a pair is scored in its given direction (the
+    sampler swaps the ends of a random half of the pairs). In evaluation, the logit is :math:`\tfrac12(s_{ij} +
+    s_{ji})`, which is bit-identical when the two ends change places.
 
-    A class of your own needs to define `score` only, and is chosen with `model._target_=your_package.YourModel`. Its
-    constructor receives `node_channels` and `edge_channels` beside what the configuration says.
+    Your own class needs to define only `score`, and is chosen with `model._target_=your_package.YourModel`. Its
+    constructor receives `node_channels` and `edge_channels` besides the arguments in the configuration.
 
     Args:
         node_channels: Columns F of `Data.x`.
@@ -65,7 +66,7 @@ class EdgeClassifier(nn.Module, ABC):
             edge_attr: float32 [2E, D], standardised; row k belongs to the directed edge k.
 
         Returns:
-            Node states [N, H] and edge states [2E, C], as wide as `state_channels` says.
+            Node states [N, H] and edge states [2E, C], where (H, C) is `state_channels`.
         """
         return x, edge_attr
 
@@ -74,8 +75,8 @@ class EdgeClassifier(nn.Module, ABC):
         """Score directed pairs.
 
         Args:
-            source: float32 [P, H], states of the nodes that the pairs start from.
-            target: float32 [P, H], states of the nodes that they point to.
+            source: float32 [P, H], states of the start nodes of the pairs.
+            target: float32 [P, H], states of their end nodes.
             edge: float32 [P, C], states of the directed edges between them.
 
         Returns:
@@ -83,7 +84,7 @@ class EdgeClassifier(nn.Module, ABC):
         """
 
     def score_pairs(self, nodes: Tensor, edges: Tensor, pairs: Tensor) -> Tensor:
-        """Score directed pairs in evaluation, where a model may have a shorter way to the same result.
+        """Score directed pairs in evaluation; a model may override it with a faster way to the same result.
 
         Args:
             nodes: float32 [N, H], states of all nodes.
@@ -91,22 +92,22 @@ class EdgeClassifier(nn.Module, ABC):
             pairs: int64 [2, P].
 
         Returns:
-            float32 [P], merge logits, as `score` gives them.
+            float32 [P], the merge logits that `score` returns.
         """
         return self.score(nodes.index_select(0, pairs[0]), nodes.index_select(0, pairs[1]), edges)
 
     def forward(self, data: Data) -> Tensor:
-        """Give the merge logit of every pair in `data.edge_label_index`.
+        """Return the merge logit of every pair in `data.edge_label_index`.
 
         Args:
-            data: A graph or a batch of graphs. `edge_label_index` int64 [2, P] may name any of the graph's
-                adjacencies, in any order and direction, repeatedly too.
+            data: A graph or a batch of graphs. `edge_label_index` int64 [2, P] may contain any of the graph's
+                adjacencies, in any order and direction, with repetitions.
 
         Returns:
             float32 [P], merge logits; the merge probability is their sigmoid.
 
         Raises:
-            ValueError: If the features are not as wide as the model expects, or a pair is no edge of the graph.
+            ValueError: If the features are not as wide as the model expects, or a pair is not an edge of the graph.
         """
         self._check_width("x", data.x, self.node_channels, "node")
         self._check_width("edge_attr", data.edge_attr, self.edge_channels, "edge")
@@ -117,17 +118,17 @@ class EdgeClassifier(nn.Module, ABC):
         if self.training:
             states = self._edge_states(edges, data.edge_index, pairs, nodes.size(0))
             return self.score(nodes.index_select(0, pairs[0]), nodes.index_select(0, pairs[1]), states)
-        # One fixed order of the two ends makes the sum the same to the last bit whichever way a pair is given: matrix
-        # products may round a row differently at another place in the matrix.
+        # A fixed order of the two ends makes the result bit-identical for both directions of a pair: matrix products
+        # may round a row differently at another position in the matrix.
         forth = torch.stack([pairs.amin(0), pairs.amax(0)])
         both = torch.cat([forth, forth.flip(0)], dim=1)
         return self._mean_of_directions(nodes, self._edge_states(edges, data.edge_index, both, nodes.size(0)), both)
 
     def pair_logits(self, x: Tensor, pairs: Tensor, edge_attr: Tensor) -> Tensor:
-        """Give the merge logits of a whole graph in the layout of `sgbd.graph.build_graph`, as evaluation does.
+        """Return the merge logits of a whole graph in the layout of `sgbd.graph.build_graph`, as in evaluation.
 
-        Nothing is looked up or checked, so that the operations can be traced for graphs of any size. A class with a
-        `forward` of its own needs a method of its own here, too.
+        It looks up and checks nothing, so that the operations can be traced for graphs of any size. A class that
+        overrides `forward` must override this method too.
 
         Args:
             x: float32 [N, F], as `Data.x`.
@@ -142,16 +143,17 @@ class EdgeClassifier(nn.Module, ABC):
         return self._mean_of_directions(nodes, edges, both)
 
     def _mean_of_directions(self, nodes: Tensor, edges: Tensor, both: Tensor) -> Tensor:
-        """Return the mean logit of pairs [2, 2P] of which the second half is the first one, reversed."""
+        """Return the mean logit of pairs int64 [2, 2P] whose second half is the first half reversed."""
         forth, back = self.score_pairs(nodes, edges, both).view(2, -1)
         return (forth + back) / 2
 
     @staticmethod
     def _edge_states(edges: Tensor, edge_index: Tensor, pairs: Tensor, num_nodes: int) -> Tensor:
+        """Return the states of the edges of directed pairs, looked up in `edge_index`."""
         if edges.size(1) == 0:
             return edges.new_empty(pairs.size(1), 0)
         if pairs.shape == edge_index.shape and torch.equal(pairs, edge_index):
-            return edges  # all pairs of a graph of `sgbd.graph.build_graph`, in its own order
+            return edges  # all pairs of a graph from `sgbd.graph.build_graph`, in its order
         return edges.index_select(0, edge_positions(edge_index, pairs, num_nodes))
 
     @staticmethod

@@ -1,4 +1,4 @@
-"""Gated graph convolution whose edges have a state of their own."""
+"""Gated graph convolution with a state for every edge."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class GatedConvolution(GatedLayer):
             gate_logits, own, weighted, total = gated_messages(projected, edge_terms, neighbor, center)
         else:
             at_center, at_neighbor, own, message = projected.chunk(4, dim=1)
-            # index_select, because the gradient of plain indexing takes twice as long on a CPU.
+            # index_select: the gradient of plain indexing takes twice as long on a CPU.
             gate_logits = at_center.index_select(0, center) + at_neighbor.index_select(0, neighbor) + edge_terms
             gates = torch.sigmoid(gate_logits)
             gathered = sum_by(
@@ -68,20 +68,20 @@ class GatedConvolution(GatedLayer):
 
     @property
     def compiled_pass(self) -> Callable[..., None]:
-        """The loop of `gated_pass`."""
+        """The compiled loop `gated_pass`."""
         return gated_pass
 
 
 class GatedGCN(GatedNetwork):
-    """Gated graph convolutions; the logit is read from the two nodes' states and the state of their edge.
+    """Gated graph convolutions; the logit is computed from the two nodes' states and the state of their edge.
 
-    About 100,000 parameters as configured by default, to be compared with `SharedMLP` at equal size.
+    With the default configuration it has about 100,000 parameters, for comparison with `SharedMLP` at equal size.
 
     Args:
         node_channels: Columns of `Data.x`.
         edge_channels: Columns of `Data.edge_attr`. With 0 columns all edges start from one learned state.
         hidden_channels: Width of node and edge states.
-        num_layers: Number of convolutions, the radius of what a pair sees.
+        num_layers: Number of convolutions; a pair sees neighbours up to this many edges away.
         dropout: Share of units dropped from each update in training.
 
     Raises:
@@ -110,7 +110,7 @@ class GatedGCN(GatedNetwork):
         """Pass messages over the whole graph; see `EdgeClassifier.embed`."""
         if not can_be_compiled(self, x):
             return self.pass_messages(x, edge_attr, edge_index)
-        # The compiled loop takes the edges in the order of the nodes that they lead to.
+        # The compiled loop needs the edges sorted by the node where they end.
         neighbor, center = edge_index
         order = torch.argsort(center, stable=True)
         first = torch.zeros(x.size(0) + 1, dtype=torch.int64)

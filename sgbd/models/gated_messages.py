@@ -13,7 +13,7 @@ from sgbd.machine.compiled import HAS_NUMBA, compiled
 
 
 def has_messages_compiled(*states: Tensor) -> bool:
-    """Say whether `gated_messages` can take these states: numbers where loops reach them, and nobody traces."""
+    """Return whether `gated_messages` supports these states: float32 in CPU memory, and nothing is tracing."""
     return (
         HAS_NUMBA
         and all(type(x) is Tensor and x.device.type == "cpu" and x.dtype == torch.float32 for x in states)
@@ -25,16 +25,16 @@ def has_messages_compiled(*states: Tensor) -> bool:
 def gated_messages(
     projected: Tensor, edge_terms: Tensor, neighbor: Tensor, center: Tensor
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Compute the gates and sum up what passes them, as `sgbd.models.gated_gcn.GatedConvolution` does by operations.
+    """Compute the gates and sum the gated messages, as `sgbd.models.gated_gcn.GatedConvolution` does with operations.
 
-    The same sums in the same order, so that results and gradients are the same, on common processors to the last bit;
-    without the matrices of a row for each edge that the operations leave behind, which take most of their time.
+    The sums are the same in the same order, so results and gradients are the same, on common processors bit-identical.
+    This avoids the matrices of one row per edge that the operations create, which take most of their time.
 
     Args:
         projected: float32 [N, 4C], A h, B h, U h and V h of every node.
         edge_terms: float32 [E, C], C e of every edge.
-        neighbor: int64 [E], where each edge comes from.
-        center: int64 [E], where it leads to.
+        neighbor: int64 [E], the node where each edge starts.
+        center: int64 [E], the node where it ends.
 
     Returns:
         Gate logits [E, C]; U h [N, C]; the sums [N, C] of gated messages and of gates at each node.
@@ -44,6 +44,8 @@ def gated_messages(
 
 
 class _GatedMessages(torch.autograd.Function):
+    """The autograd function of `gated_messages`."""
+
     @staticmethod
     def forward(
         ctx: Any, projected: Tensor, edge_terms: Tensor, neighbor: Tensor, center: Tensor
@@ -87,6 +89,7 @@ class _GatedMessages(torch.autograd.Function):
 
 @compiled
 def _sum_logits(projected, edge_terms, neighbors, centers, logits):  # type: ignore[no-untyped-def]
+    """Write the gate logits of every edge, A h_center + B h_neighbor + C e, float32 [E, C]."""
     channels = logits.shape[1]
     for edge in range(len(centers)):
         center, neighbor = centers[edge], neighbors[edge]
@@ -96,6 +99,7 @@ def _sum_logits(projected, edge_terms, neighbors, centers, logits):  # type: ign
 
 @compiled
 def _sum_messages(projected, gates, neighbors, centers, weighted, total):  # type: ignore[no-untyped-def]
+    """Add the gated messages, gate · V h_neighbor, and the gates of all edges to the sums at their centres."""
     channels = gates.shape[1]
     for edge in range(len(centers)):
         center, neighbor = centers[edge], neighbors[edge]
@@ -108,12 +112,26 @@ def _sum_messages(projected, gates, neighbors, centers, weighted, total):  # typ
 def _distribute(  # type: ignore[no-untyped-def]
     projected, gates, neighbors, centers, of_logits, of_weighted, of_total, of_projected, of_edge_terms
 ):
-    """Lead the gradient of the four results back; the order of operations is that of PyTorch's own gradients."""
+    """Propagate the gradients of the four results back, in the order of operations of PyTorch's own gradients.
+
+    Args:
+        projected: float32 [N, 4C], as in `gated_messages`.
+        gates: float32 [E, C], the sigmoids of the gate logits.
+        neighbors: int64 [E].
+        centers: int64 [E].
+        of_logits: float32 [E, C], gradient of the gate logits.
+        of_weighted: float32 [N, C], gradient of the sums of gated messages.
+        of_total: float32 [N, C], gradient of the sums of gates.
+        of_projected: float32 [N, 4C], with the gradient of U h in place and zeros elsewhere; the gradients of A h, B h
+            and V h are added.
+        of_edge_terms: float32 [E, C], written: gradient of the edge terms.
+    """
     channels = gates.shape[1]
     one = np.float32(1)
     for edge in range(len(centers)):
         center, neighbor = centers[edge], neighbors[edge]
         for c in range(channels):
+            # sigmoid' = gate (1 - gate). The logit is a sum, so its gradient is that of A h, B h and C e.
             gate = gates[edge, c]
             of_gate = of_weighted[center, c] * projected[neighbor, 3 * channels + c] + of_total[center, c]
             of_edge_terms[edge, c] = of_gate * (one - gate) * gate + of_logits[edge, c]

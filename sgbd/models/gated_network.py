@@ -1,4 +1,4 @@
-"""What the gated graph convolutions, directed and symmetric, have in common."""
+"""Base classes of the gated graph convolutions, directed and symmetric."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from sgbd.models.input_encoder import InputEncoder
 
 
 class GatedLayer(nn.Module):
-    """The weights of one gated graph convolution, and its short way in evaluation.
+    """The weights of one gated graph convolution, with a fast update for evaluation.
 
-    A subclass adds `forward`, and names the compiled loop over its edges that gives the same.
+    A subclass defines `forward`, and names the compiled loop over the edges that gives the same result.
 
     Args:
         channels: Width of node and edge states.
@@ -26,7 +26,7 @@ class GatedLayer(nn.Module):
 
     def __init__(self, channels: int, node_maps: int, dropout: float = 0.0) -> None:
         super().__init__()
-        # They act on the same rows: one matrix product instead of several.
+        # All node maps act on the same rows, so they share one matrix product.
         self.node_linear = nn.Linear(channels, node_maps * channels)
         self.edge_linear = nn.Linear(channels, channels, bias=False)
         self.node_norm = nn.BatchNorm1d(channels)
@@ -44,7 +44,7 @@ class GatedLayer(nn.Module):
         Args:
             nodes: float32 [N, C], changed.
             edges: float32 [number of edges, C], changed.
-            *ends: int64, where the edges lead, in the form of `compiled_pass`.
+            *ends: int64, the ends of the edges, in the form that `compiled_pass` takes.
         """
         terms = [
             linear(nodes, self.node_linear.weight, self.node_linear.bias),
@@ -59,15 +59,15 @@ class GatedLayer(nn.Module):
 
 
 class GatedNetwork(EdgeClassifier):
-    """Encoders of node and edge features, and gated convolutions on the states that they give.
+    """Encoders of node and edge features, followed by gated convolutions on the encoded states.
 
     Args:
         node_channels: Columns of `Data.x`.
         edge_channels: Columns of `Data.edge_attr`.
-        edge_inputs: Columns that the edge encoder is given.
+        edge_inputs: Input columns of the edge encoder.
         hidden_channels: Width of node and edge states.
         num_layers: Number of convolutions.
-        layer: Makes a convolution.
+        layer: Creates a convolution.
 
     Raises:
         ValueError: If the width or the number of layers is not positive.
@@ -104,7 +104,7 @@ class GatedNetwork(EdgeClassifier):
         Args:
             x: float32 [N, F], standardised.
             edge_attr: float32 [number of edges, edge_inputs], standardised.
-            edge_index: int64 [2, number of edges], as the layers take it.
+            edge_index: int64 [2, number of edges], in the form that the layers take.
 
         Returns:
             Node states [N, C] and edge states [number of edges, C].
@@ -115,12 +115,12 @@ class GatedNetwork(EdgeClassifier):
         return nodes, edges
 
     def pass_messages_compiled(self, x: Tensor, edge_attr: Tensor, *ends: Tensor) -> tuple[Tensor, Tensor]:
-        """Do in evaluation what `pass_messages` does, in compiled loops.
+        """Compute the result of `pass_messages` in evaluation, in compiled loops.
 
         Args:
             x: float32 [N, F], standardised.
             edge_attr: float32 [number of edges, edge_inputs], standardised.
-            *ends: Where the edges lead, as in `GatedLayer.update_in_place`.
+            *ends: The ends of the edges, as in `GatedLayer.update_in_place`.
 
         Returns:
             As `pass_messages`.

@@ -1,4 +1,4 @@
-"""Gated graph convolutions in evaluation as one pass over the edges, which stays in a processor's caches."""
+"""Gated graph convolutions in evaluation as one pass over the edges, whose data stays in a processor's caches."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from sgbd.machine.side_by_side import bands, side_by_side, thread_count
 
 Floats = npt.NDArray[np.float32]
 
-# 2 ** f for f from -1/2 to 1/2, as its Taylor series: exact to the rounding of float32.
+# Coefficients of the Taylor series of 2 ** f for f from -1/2 to 1/2, exact to the rounding of float32.
 _C1, _C2, _C3, _C4, _C5, _C6 = (
     np.float32(np.log(2.0) ** k / f) for k, f in ((1, 1), (2, 2), (3, 6), (4, 24), (5, 120), (6, 720))
 )
 _ONE, _HALF, _ZERO = np.float32(1), np.float32(0.5), np.float32(0)
 _LOG2_E = np.float32(np.log2(np.e))
-_LARGEST = np.float32(80)  # beyond it a gate is shut or open to the last bit
+_LARGEST = np.float32(80)  # logits are clipped here, where a gate is as good as 0 or 1
 _EPSILON = np.float32(1e-6)
 _BIAS, _MANTISSA = np.int32(127), np.int32(23)  # layout of a float32
 
@@ -41,13 +41,13 @@ def gated_pass(
         projected: float32 [N, 4C], A h + bias, B h + bias, U h + bias and V h + bias of every node.
         edge_terms: float32 [2E, C], C e of every edge.
         nodes: float32 [N, C], states of the nodes.
-        edges: float32 [2E, C], states of the edges, those that lead to node 0 first, then those to node 1, and so on.
-        first: int64 [N + 1], where the edges to each node begin; the last entry is 2E.
-        neighbors: int64 [2E], where each edge comes from.
-        node_scale: float32 [C], batch norm of the nodes as a factor.
-        node_shift: float32 [C], and as what is added then.
-        edge_scale: float32 [C], batch norm of the edges, in the same way.
-        edge_shift: float32 [C].
+        edges: float32 [2E, C], states of the edges, sorted by the node where they end.
+        first: int64 [N + 1], index of the first edge that ends at each node; the last entry is 2E.
+        neighbors: int64 [2E], the node where each edge starts.
+        node_scale: float32 [C], factor of the nodes' batch norm.
+        node_shift: float32 [C], its offset, added after scaling.
+        edge_scale: float32 [C], factor of the edges' batch norm.
+        edge_shift: float32 [C], its offset.
     """
     arrays = (
         projected, edge_terms, nodes, edges, first, neighbors, node_scale, node_shift, edge_scale, edge_shift
@@ -60,13 +60,13 @@ def gated_pass(
 
 
 def work_space(channels: int) -> tuple[Floats, Floats, npt.NDArray[np.int32], Floats]:
-    """Allocate what one thread needs in `_update_nodes`.
+    """Allocate the work space of one thread for `_update_nodes`.
 
     Args:
         channels: Width C of the states.
 
     Returns:
-        Sums float32 [2, C], gates float32 [C], and one array, as int32 [C] and as float32 [C], for `_sigmoid`.
+        Sums float32 [2, C], gates float32 [C], and one array viewed as int32 [C] and as float32 [C], for `_sigmoid`.
     """
     bits = np.empty(channels, np.int32)
     return np.empty((2, channels), np.float32), np.empty(channels, np.float32), bits, bits.view(np.float32)
@@ -77,9 +77,9 @@ def _update_nodes(  # type: ignore[no-untyped-def]
     projected, edge_terms, nodes, edges, first, neighbors, node_scale, node_shift, edge_scale, edge_shift,
     sums, gates, bits, power, begin, end
 ):  # fmt: skip
-    """Update the nodes `begin` to `end` - 1, and the edges that lead to them.
+    """Update the nodes `begin` to `end` - 1, and the edges that end at them.
 
-    `sums` to `power` are of `work_space`, the rest as of `gated_pass`.
+    `sums` to `power` come from `work_space`; the other arguments are those of `gated_pass`.
     """
     channels = nodes.shape[1]
     weighted, total = sums[0], sums[1]
@@ -106,7 +106,7 @@ def _update_nodes(  # type: ignore[no-untyped-def]
 def symmetric_pass(  # type: ignore[no-untyped-def]
     projected, edge_terms, nodes, edges, pairs, node_scale, node_shift, edge_scale, edge_shift
 ):
-    """Update the states of nodes and undirected edges in place, as `sgbd.models.symmetric_gcn.SymmetricConvolution`.
+    """Update the states of nodes and undirected edges in place, as `SymmetricConvolution` does in evaluation.
 
     Args:
         projected: float32 [N, 3C], A h + bias, U h + bias and V h + bias of every node.
@@ -114,7 +114,7 @@ def symmetric_pass(  # type: ignore[no-untyped-def]
         nodes: float32 [N, C], states of the nodes.
         edges: float32 [E, C], states of the edges.
         pairs: int64 [2, E], both ends of each edge.
-        node_scale: float32 [C]; this and the rest as of `gated_pass`.
+        node_scale: float32 [C]; this and the following as in `gated_pass`.
         node_shift: float32 [C].
         edge_scale: float32 [C].
         edge_shift: float32 [C].
@@ -142,13 +142,13 @@ def symmetric_pass(  # type: ignore[no-untyped-def]
 
 @compiled(fastmath=True)
 def _sigmoid(values, bits, power):  # type: ignore[no-untyped-def]
-    """Replace values by their sigmoid, in loops without calls or branches, for the compiler to make vectors of.
+    """Replace values with their sigmoid, in loops without calls or branches, which compilers vectorise.
 
-    exp(-value) is taken apart into 2 ** whole, which is written as the bits of a float, and 2 ** fraction.
+    exp(-value) is computed as 2 ** whole · 2 ** fraction; the first factor is written directly as the bits of a float.
 
     Args:
         values: float32 [C].
-        bits: int32 [C], to work in.
+        bits: int32 [C], work space.
         power: float32 [C], the same memory as `bits`.
     """
     for c in range(len(values)):

@@ -1,4 +1,4 @@
-"""What networks may take for granted in evaluation, and nowhere else."""
+"""Conditions and conversions for faster evaluation of networks; none of it holds in training."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from sgbd.machine.compiled import HAS_NUMBA
 
 
 def can_be_compiled(network: nn.Module, x: Tensor) -> bool:
-    """Say whether compiled loops may do the work of a network's layers.
+    """Return whether compiled loops may replace a network's layers.
 
     Args:
         network: The network.
         x: float32 [N, F], its input.
 
     Returns:
-        Whether Numba is there, the network is in evaluation mode, and `can_be_overwritten` holds for its input.
+        Whether Numba is installed, the network is in evaluation mode, and `can_be_overwritten` holds for its input.
     """
     return HAS_NUMBA and not network.training and can_be_overwritten(x)
 
 
 def can_be_overwritten(x: Tensor) -> bool:
-    """Say whether what is computed from a tensor may go to memory of one's own choice, to be overwritten later.
+    """Return whether results computed from a tensor may be written into preallocated memory that is overwritten later.
 
     Args:
-        x: What is computed from.
+        x: The input of the computation.
 
     Returns:
-        Whether no gradient is asked for, nobody traces the operations or changes their type, and the numbers are
-        float32 in the memory of the CPU.
+        Whether gradients are off, nothing traces the operations or changes their type, and the tensor is float32 in CPU
+        memory.
     """
     return (
         not torch.is_grad_enabled()
@@ -43,7 +43,7 @@ def can_be_overwritten(x: Tensor) -> bool:
 
 
 def scale_and_shift(norm: nn.BatchNorm1d) -> tuple[Tensor, Tensor]:
-    """Return what batch norm does in evaluation: a factor [C], and what is added then [C]."""
+    """Return what batch norm applies in evaluation: a factor, float32 [C], and then an offset, float32 [C]."""
     assert norm.running_mean is not None
     assert norm.running_var is not None
     scale = norm.weight * torch.rsqrt(norm.running_var + norm.eps)

@@ -1,4 +1,4 @@
-"""Linear encoding of feature columns, of which there may be none."""
+"""Linear encoding of feature columns, including the case of no columns."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from torch import Tensor, nn
 
 
 class InputEncoder(nn.Module):
-    """A linear layer; without input columns, its bias alone: one learned state for all rows.
+    """A linear layer; with no input columns, only its bias: one learned state for all rows.
 
-    `torch.nn.Linear` with no inputs warns when it is built and starts the bias at exactly 0, where all gates are
+    `torch.nn.Linear` with no inputs warns when it is built and initialises the bias to exactly 0, where all gates are
     equal.
 
     Args:
@@ -38,6 +38,6 @@ class InputEncoder(nn.Module):
         return encoded
 
     def in_own_memory(self, rows: Tensor) -> Tensor:
-        """Encode rows as `forward` does, into memory that may be changed: it shares none with a parameter."""
+        """Encode rows as `forward` does, into memory that may be changed because no parameter shares it."""
         encoded: Tensor = self(rows)
         return encoded if self.state is None else encoded.clone(memory_format=torch.contiguous_format)

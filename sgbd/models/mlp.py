@@ -1,4 +1,4 @@
-"""The shared multilayer perceptron: every pair of superpixels on its own."""
+"""The shared multilayer perceptron: classify every pair of superpixels separately."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from sgbd.models.perceptron import Perceptron
 class SharedMLP(EdgeClassifier):
     """One perceptron, shared by all pairs, on the features of the two ends and of the edge between them.
 
-    It computes nothing but the pairs that are asked for. The model of Örnek et al., "SupeRGB-D: Zero-shot instance
-    segmentation in cluttered indoor environments", IEEE RA-L 8(6), 2023, https://doi.org/10.1109/LRA.2023.3271527.
-    Three forms are shipped as configurations:
+    It computes only the requested pairs. The model of Örnek et al., "SupeRGB-D: Zero-shot instance segmentation in
+    cluttered indoor environments", IEEE RA-L 8(6), 2023, https://doi.org/10.1109/LRA.2023.3271527. Three variants are
+    shipped as configurations:
 
     ================== ============= ========== ====== ==========================================================
-    `model=`           hidden layers last layer bias   what it is
+    `model=`           hidden layers last layer bias   description
     ================== ============= ========== ====== ==========================================================
     `mlp`              128-256-256   plain      yes    the default: logits of either sign
     `mlp_reference`    128-256-256   norm, ReLU no     as trained by the authors; 103,682 parameters on 30 inputs.
-                                                       Its logits are never negative: merge iff above 0
-    `mlp_paper_text`   256-1024-256  plain      yes    the widths that the paper's text gives
+                                                       Its logits are never negative: merge if above 0
+    `mlp_paper_text`   256-1024-256  plain      yes    the widths given in the paper's text
     ================== ============= ========== ====== ==========================================================
 
     Args:
         node_channels: Columns of `Data.x`.
         edge_channels: Columns of `Data.edge_attr`; may be 0.
         hidden_channels: Width of each hidden layer.
-        plain_last: Whether the last layer is linear only. Otherwise batch norm and ReLU follow it, as all others.
+        plain_last: Whether the last layer is linear only. Otherwise batch norm and ReLU follow it, as after all others.
         bias: Whether the linear layers have a bias.
         dropout: Share of hidden units dropped in training.
 

@@ -1,4 +1,4 @@
-"""Sums and means over rows that belong together, such as the messages that reach one superpixel."""
+"""Sums and means over groups of rows, such as the messages that reach one superpixel."""
 
 from __future__ import annotations
 
@@ -20,6 +20,6 @@ def sum_by(group: Tensor, rows: Tensor, groups: int) -> Tensor:
 
 
 def mean_by(group: Tensor, rows: Tensor, groups: int) -> Tensor:
-    """Average rows by their group; arguments and result as for `sum_by`."""
+    """Average rows by their group; arguments and result as in `sum_by`."""
     count = rows.new_zeros(groups).index_add_(0, group, rows.new_ones(rows.size(0)))
     return sum_by(group, rows, groups) / count.clamp(min=1)[:, None]

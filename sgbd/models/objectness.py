@@ -1,4 +1,4 @@
-"""Which superpixels belong to objects, and not to the table, the floor or the walls."""
+"""Classification of superpixels as part of an object, or of the table, the floor or the walls."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 class ObjectnessHead(nn.Module):
     """A small perceptron that gives every superpixel an object logit.
 
-    It sees the superpixel's own features, their mean over its neighbours and their mean over its graph: an object is
-    what differs from its surroundings. It has parameters of its own, so that the edge model's number of parameters
-    stays what it is without it.
+    Its input is the superpixel's own features, their mean over its neighbours and their mean over its graph, because an
+    object differs from its surroundings. It shares no parameters with the edge model, so it does not change that
+    model's parameter count.
 
     Args:
         node_channels: Columns F of `Data.x`.
@@ -46,7 +46,7 @@ class ObjectnessHead(nn.Module):
         self.mlp = Perceptron([3 * node_channels, *hidden_channels, 1], dropout=dropout)
 
     def forward(self, data: Data) -> Tensor:
-        """Give the object logit of every superpixel.
+        """Return the object logit of every superpixel.
 
         Args:
             data: A graph or a batch of graphs.
@@ -76,11 +76,11 @@ class ObjectnessHead(nn.Module):
 
 
 def object_targets(node_instance: Tensor) -> Tensor:
-    """Say what the objectness head should answer.
+    """Return the training targets of the objectness head.
 
     Args:
-        node_instance: int64 [N], truth instance of each superpixel: -1 unknown, 0 background, 1 supporting surface,
-            2 and more objects.
+        node_instance: int64 [N], ground-truth instance of each superpixel: -1 unknown, 0 background, 1 supporting
+            surface, 2 and more objects.
 
     Returns:
         float32 [N]: 1 object, 0 not an object, -1 unknown (not trained on).

@@ -1,4 +1,4 @@
-"""A multilayer perceptron, and the short ways to its results that there are in evaluation."""
+"""A multilayer perceptron, with faster computation of the same results in evaluation."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from sgbd.machine.side_by_side import bands, side_by_side, thread_count
 from sgbd.models.in_evaluation import can_be_overwritten, scale_and_shift
 
 ROWS_AT_ONCE = 768
-"""Rows at the most that go through all layers together: their states fit into the caches of common processors."""
+"""Maximum number of rows that go through all layers together: their states fit into the caches of common processors."""
 
 TOO_FEW_TO_SHARE = 128
-"""As many rows take no longer than it takes a second thread to begin."""
+"""Up to this many rows are computed in less time than a second thread needs to start."""
 
 
 class RowNorm(nn.Module):
-    """Batch normalisation that takes a batch of a single row, which has no variance, by the running moments.
+    """Batch normalisation that uses the running moments for a batch of a single row, which has no variance.
 
     Args:
         channels: Width of the rows.
@@ -42,7 +42,7 @@ class RowNorm(nn.Module):
         return batch_norm(rows, norm.running_mean, norm.running_var, norm.weight, norm.bias, False, 0.0, norm.eps)
 
     def fold(self, weight: Tensor, bias: Tensor) -> tuple[Tensor, Tensor]:
-        """Put what this does in evaluation, a fixed scale and shift of each column, into the linear layer before it."""
+        """Fold the fixed scale and shift per column, as in evaluation, into the linear layer before this one."""
         scale, shift = scale_and_shift(self.module)
         return weight * scale[:, None], bias * scale + shift
 
@@ -50,12 +50,12 @@ class RowNorm(nn.Module):
 class Perceptron(nn.Module):
     """Linear layers with batch norm, ReLU and dropout in between.
 
-    It has the parameters, their names and the results of `torch_geometric.nn.MLP`, for what that class is used for
-    here, without the seconds and the hundreds of MiB that it takes to import PyG.
+    It has the parameters, parameter names and results of `torch_geometric.nn.MLP`, as far as that class is used here,
+    without the seconds and the hundreds of MiB that importing PyG takes.
 
     Args:
         channels: Width of the input, of each hidden layer, and of the output.
-        norm: Whether batch norm stands before each ReLU.
+        norm: Whether batch norm precedes each ReLU.
         plain_last: Whether the last layer is linear only. Otherwise batch norm, ReLU and dropout follow it too.
         bias: Whether the linear layers have a bias.
         dropout: Share of hidden units dropped in training.
@@ -79,7 +79,7 @@ class Perceptron(nn.Module):
         self.norms = nn.ModuleList(RowNorm(width) if norm else nn.Identity() for width in normed)
 
     def forward(self, rows: Tensor) -> Tensor:
-        """Give the output of rows [R, channels[0]]: [R, channels[-1]]."""
+        """Map rows [R, channels[0]] to outputs [R, channels[-1]]."""
         for place, layer in enumerate(self.lins):
             rows = layer(rows)
             if place < len(self.norms):
@@ -87,7 +87,7 @@ class Perceptron(nn.Module):
         return rows
 
     def folded(self) -> list[tuple[Tensor, Tensor, bool]]:
-        """Return weight [in, out], bias [out] and whether a ReLU follows, of each layer in evaluation."""
+        """Return, for each layer in evaluation, its weight [in, out], its bias [out] and whether a ReLU follows."""
         layers = []
         for place, layer in enumerate(self.lins):
             assert isinstance(layer, nn.Linear)
@@ -101,18 +101,18 @@ class Perceptron(nn.Module):
         return layers
 
     def evaluate(self, rows: Tensor) -> Tensor:
-        """Compute what `forward` gives in evaluation, with less to do.
+        """Compute what `forward` returns in evaluation, faster.
 
-        Norms are part of the linear layers, and a block of rows at a time stays in the processor's caches through all
-        layers.
+        Norms are folded into the linear layers, and one block of rows at a time goes through all layers, so that it
+        stays in the processor's caches.
         """
         return self._in_blocks(rows.size(0), rows, self.folded(), lambda block, memory: rows[block])
 
     def evaluate_pairs(self, nodes: Tensor, edges: Tensor, pairs: Tensor) -> Tensor:
-        """Compute what `evaluate` gives for the rows ``[nodes[pairs[0]], nodes[pairs[1]], edges]``.
+        """Compute what `evaluate` returns for the rows ``[nodes[pairs[0]], nodes[pairs[1]], edges]``.
 
-        The first layer is a sum of one term for each node, as source and as target, and one for each edge: a node's is
-        computed once for all its pairs.
+        The first layer is a sum of three terms: of the source node, the target node and the edge. The two terms of a
+        node are computed once for all its pairs.
 
         Args:
             nodes: float32 [N, H].
@@ -146,18 +146,18 @@ class Perceptron(nn.Module):
         layers: Sequence[tuple[Tensor, Tensor, bool]],
         start: Callable[[slice, TurnedMemory], Tensor],
     ) -> Tensor:
-        """Send rows through layers block by block, several at a time where each operation runs in a single thread.
+        """Run rows through layers block by block; if PyTorch works in a single thread, several blocks run in parallel.
 
         Args:
             count: Number of rows.
-            given: What they are computed from.
-            layers: As of `folded`.
-            start: Gives the rows of a block; if it computes them, in the memory that it may take.
+            given: The tensor that the rows are computed from.
+            layers: As returned by `folded`.
+            start: Returns the rows of a block; if it computes them, in the memory that it is given.
 
         Returns:
             [count, channels[-1]].
         """
-        if torch.compiler.is_compiling():  # for any number of rows, of which blocks would fix one
+        if torch.compiler.is_compiling():  # the code must hold for any number of rows; blocks would fix that number
             return _through(layers, start(slice(None), TurnedMemory(0)), TurnedMemory(0))
         blocks = equal_blocks(count)
         if not (layers and can_be_overwritten(given)):
@@ -167,7 +167,7 @@ class Perceptron(nn.Module):
         inference = torch.is_inference_mode_enabled()
 
         def evaluate(block: slice) -> None:
-            # Modes are a matter of the thread, as the memory is.
+            # Gradient and inference modes are per thread, and so is the reused memory.
             with torch.inference_mode(inference), torch.no_grad():
                 memory = TurnedMemory(self._widest)
                 _through(layers, start(block, memory), memory, scores[block])
@@ -178,20 +178,19 @@ class Perceptron(nn.Module):
 
 
 class TurnedMemory:
-    """Memory for the states of a block of rows in two parts, which are taken by turns: a layer reads one and writes the
-    other.
+    """Memory for the states of a block of rows in two alternating parts: a layer reads one part and writes the other.
 
     Args:
-        width: Columns at the most; 0 to take none, so that operations allocate their own.
+        width: Maximum number of columns; 0 to provide no memory, so that operations allocate their own.
     """
 
     def __init__(self, width: int) -> None:
-        # The same from call to call, as fresh memory takes as long as what is computed in it.
+        # Reused from call to call: allocating fresh memory takes as long as the computation itself.
         names = ("perceptron_0", "perceptron_1") if width else ()
         self._parts = [torch.from_numpy(reused(name, (ROWS_AT_ONCE * width,), np.float32)) for name in names]
 
     def take(self, rows: int, columns: int) -> Tensor | None:
-        """Return the part that was not taken last, as float32 [rows, columns] with anything in it; or None."""
+        """Return the part that was not taken last, float32 [rows, columns], uninitialised; None if there is none."""
         if not self._parts:
             return None
         self._parts.reverse()
@@ -199,9 +198,9 @@ class TurnedMemory:
 
 
 def equal_blocks(count: int) -> list[slice]:
-    """Cut rows into blocks of one size, as few as `ROWS_AT_ONCE` allows, and an even number of them for two threads.
+    """Cut rows into blocks of almost equal size, as few as `ROWS_AT_ONCE` allows, but an even number for two threads.
 
-    The number of threads has no say in it: where a block begins and ends may show in the rounding.
+    It does not depend on the number of threads, because the limits of a block may affect rounding.
     """
     number = 1 if count <= TOO_FEW_TO_SHARE else 2 * -(-count // (2 * ROWS_AT_ONCE))
     return [slice(*band) for band in bands(count, number)]
@@ -210,7 +209,7 @@ def equal_blocks(count: int) -> list[slice]:
 def _through(
     layers: Sequence[tuple[Tensor, Tensor, bool]], rows: Tensor, memory: TurnedMemory, out: Tensor | None = None
 ) -> Tensor:
-    """Send rows through layers, the last of which writes to `out` if it is given."""
+    """Run rows through layers; the last layer writes to `out` if it is given."""
     for place, (weight, bias, hidden) in enumerate(layers, start=1):
         last = out if place == len(layers) else None
         target = memory.take(rows.size(0), weight.size(1)) if last is None else last

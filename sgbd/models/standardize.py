@@ -1,4 +1,4 @@
-"""Standardisation of input columns by moments of the training set."""
+"""Standardisation of input columns by the moments of the training set."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from torch import Tensor, nn
 class ColumnMoments:
     """Mean and variance of the columns of a matrix that arrives in pieces.
 
-    Sums run in float64 around the first piece's mean, so that long data sets and columns far from zero lose nothing.
+    Updates run in float64 and around means, so that long data sets and columns far from zero lose no precision.
 
     Args:
         columns: Width of the matrix.
@@ -42,9 +42,9 @@ class ColumnMoments:
 
     @property
     def scale(self) -> Tensor:
-        """float64 [columns]: standard deviation of each column; 1 where a column never varies."""
+        """Standard deviation of each column, float64 [columns]; 1 for a column that never varies."""
         deviation = (self.deviation / max(self.count, 1)).sqrt()
-        # A column that varies by rounding only would be blown up to noise of unit size.
+        # Dividing a column that varies only by rounding would turn it into noise of unit size.
         varies = deviation > 1e-6 * self.mean.abs().clamp(min=1e-6)
         return torch.where(varies, deviation, torch.ones_like(deviation))
 
@@ -52,8 +52,8 @@ class ColumnMoments:
 class Standardize(nn.Module):
     """Shift and scale input columns to zero mean and unit variance over the training set.
 
-    The moments are buffers: a checkpoint carries them, no optimiser changes them. Until they are set the module
-    hands its input through.
+    The moments are buffers: a checkpoint contains them, and no optimiser changes them. Until they are set, the module
+    returns its input unchanged.
 
     Args:
         columns: Number of input columns; may be 0.
@@ -68,10 +68,10 @@ class Standardize(nn.Module):
         self.register_buffer("scale", torch.ones(columns))
 
     def fit(self, moments: ColumnMoments | Sequence[Tensor]) -> None:
-        """Take the moments over from the training set.
+        """Set the moments from the training set.
 
         Args:
-            moments: Moments already summed up, or the matrices [R, columns] to sum up.
+            moments: Accumulated moments, or the matrices [R, columns] from which to compute them.
 
         Raises:
             ValueError: If the number of columns differs.

@@ -26,7 +26,7 @@ class SymmetricConvolution(GatedLayer):
         h_i &\leftarrow h_i + \mathrm{ReLU}\Big(\mathrm{BN}\Big(U h_i +
         \frac{\sum_j \sigma(\hat e_{ij}) \odot V h_j}{\sum_j \sigma(\hat e_{ij}) + \epsilon}\Big)\Big)
 
-    The convolution of `GatedConvolution` with :math:`A = B`, so that :math:`e_{ij} = e_{ji}` in every layer.
+    This is `GatedConvolution` with :math:`A = B`, so that :math:`e_{ij} = e_{ji}` in every layer.
 
     Args:
         channels: Width of node and edge states.
@@ -52,7 +52,7 @@ class SymmetricConvolution(GatedLayer):
             return nodes + self.dropout(torch.relu(self.node_norm(own))), edges
         i, j = pairs
         at_end, own, message = self.node_linear(nodes).chunk(3, dim=1)
-        # index_select, because the gradient of plain indexing takes twice as long on a CPU.
+        # index_select: the gradient of plain indexing takes twice as long on a CPU.
         gate_logits = at_end.index_select(0, i) + at_end.index_select(0, j) + self.edge_linear(edges)
         gates = torch.sigmoid(gate_logits)
         zeros = torch.zeros_like(own)
@@ -66,21 +66,21 @@ class SymmetricConvolution(GatedLayer):
 
     @property
     def compiled_pass(self) -> Callable[..., None]:
-        """The loop of `symmetric_pass`."""
+        """The compiled loop `symmetric_pass`."""
         return symmetric_pass
 
 
 class SymmetricGCN(GatedNetwork):
-    """Gated graph convolutions on undirected edges; the logit is the same whichever end of a pair comes first.
+    """Gated graph convolutions on undirected edges; the logit does not depend on the order of a pair's ends.
 
-    What differs between the two directions of an edge (such as the distance of one end to the other's plane) enters as
-    the mean of both and as the size of their difference.
+    Edge features that differ between the two directions (such as the distance of one end to the other's plane) enter as
+    their mean and half their absolute difference.
 
     Args:
         node_channels: Columns of `Data.x`.
         edge_channels: Columns of `Data.edge_attr`. With 0 columns all edges start from one learned state.
         hidden_channels: Width of node and edge states.
-        num_layers: Number of convolutions, the radius of what a pair sees.
+        num_layers: Number of convolutions; a pair sees neighbours up to this many edges away.
         dropout: Share of units dropped from each update in training.
 
     Raises:
@@ -108,7 +108,7 @@ class SymmetricGCN(GatedNetwork):
         )
 
     def forward(self, data: Data) -> Tensor:
-        """Give the merge logit of every pair in `data.edge_label_index`; see `EdgeClassifier.forward`."""
+        """Return the merge logit of every pair in `data.edge_label_index`; see `EdgeClassifier.forward`."""
         self._check_width("x", data.x, self.node_channels, "node")
         self._check_width("edge_attr", data.edge_attr, self.edge_channels, "edge")
         pairs, attributes = undirected(data.edge_index, self.standardize_edges(data.edge_attr), data.x.size(0))
@@ -122,20 +122,20 @@ class SymmetricGCN(GatedNetwork):
         return self.score(nodes.index_select(0, asked[0]), nodes.index_select(0, asked[1]), edges)
 
     def pair_logits(self, x: Tensor, pairs: Tensor, edge_attr: Tensor) -> Tensor:
-        """Give the merge logits of a whole graph; see `EdgeClassifier.pair_logits`."""
+        """Return the merge logits of a whole graph; see `EdgeClassifier.pair_logits`."""
         attributes, count = self.standardize_edges(edge_attr), pairs.size(1)
         attributes = mean_and_difference(attributes[:count], attributes[count:])
         nodes, edges = self.pass_messages(self.standardize_nodes(x), attributes, pairs)
         return self.score(nodes.index_select(0, pairs[0]), nodes.index_select(0, pairs[1]), edges)
 
     def score(self, source: Tensor, target: Tensor, edge: Tensor) -> Tensor:
-        """Score pairs, the same in both directions; see `EdgeClassifier.score`."""
+        """Score pairs, independent of their direction; see `EdgeClassifier.score`."""
         logits: Tensor = self.readout(torch.cat([source + target, (source - target).abs(), edge], dim=1))
         return logits.squeeze(1)
 
 
 def undirected(edge_index: Tensor, edge_attr: Tensor, num_nodes: int) -> tuple[Tensor, Tensor]:
-    """Make one edge of the two directions of each.
+    """Combine the two directions of each edge into one undirected edge.
 
     Args:
         edge_index: int64 [2, 2E], every adjacency in both directions, without loops.
@@ -143,11 +143,11 @@ def undirected(edge_index: Tensor, edge_attr: Tensor, num_nodes: int) -> tuple[T
         num_nodes: Number of nodes.
 
     Returns:
-        Pairs int64 [2, E], i < j, in the order of their first direction, and float32 [E, 2 D], the mean of both
-        directions' attributes and the size of half their difference.
+        Pairs int64 [2, E], i < j, in the order of their edges i to j, and their attributes float32 [E, 2 D] from
+        `mean_and_difference`.
 
     Raises:
-        ValueError: If an edge has no opposite.
+        ValueError: If the opposite of an edge is missing.
     """
     ahead = edge_index[0] < edge_index[1]
     forth, back = ahead.nonzero().squeeze(1), (~ahead).nonzero().squeeze(1)
@@ -163,13 +163,13 @@ def undirected(edge_index: Tensor, edge_attr: Tensor, num_nodes: int) -> tuple[T
 
 
 def mean_and_difference(forth: Tensor, back: Tensor) -> Tensor:
-    """Make one row of the attributes of the two directions of an edge.
+    """Combine the attributes of the two directions of an edge.
 
     Args:
         forth: float32 [E, D], from i to j.
         back: float32 [E, D], from j to i.
 
     Returns:
-        float32 [E, 2 D], their mean and the size of half their difference.
+        float32 [E, 2 D], their mean and half their absolute difference.
     """
     return torch.cat([(forth + back) / 2, (forth - back).abs() / 2], dim=1)
