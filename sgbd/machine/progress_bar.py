@@ -16,11 +16,12 @@ INTERVAL = 30.0
 class ProgressBar(tqdm):
     """A bar of tqdm, with its arguments, that fills no log with copies of itself.
 
-    Where standard error is no terminal, a bar leaves a line every `INTERVAL` seconds, and none if it takes less.
+    Where standard error is no terminal, a bar leaves a line every `INTERVAL` seconds, and none if it takes less; where
+    there is none, as in a program with windows, nothing.
     """
 
     def __init__(self, *args: Any, **options: Any) -> None:
-        options["file"] = None if sys.stderr.isatty() else _LogLines()
+        options["file"] = None if sys.stderr is not None and sys.stderr.isatty() else _LogLines()
         super().__init__(*args, **options)
 
 
@@ -33,13 +34,14 @@ class _LogLines:
     def write(self, text: str) -> None:
         """Write a drawing of a bar as a line, if the last one is long enough ago."""
         now = time.monotonic()
-        if text.strip() and now - self._last >= INTERVAL:
+        if sys.stderr is not None and text.strip() and now - self._last >= INTERVAL:
             sys.stderr.write(f"{text.strip()}\n")
             self._last = now
 
     def flush(self) -> None:
         """Show what was written."""
-        sys.stderr.flush()
+        if sys.stderr is not None:
+            sys.stderr.flush()
 
 
 class ConsoleHandler(logging.StreamHandler[Any]):

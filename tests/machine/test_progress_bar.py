@@ -44,6 +44,12 @@ def test_a_terminal_sees_the_bar_move(monkeypatch: pytest.MonkeyPatch) -> None:
     assert sys.stderr.getvalue().count("\r") >= 4
 
 
+def test_a_program_without_standard_error_works_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stderr", None)
+    monkeypatch.setattr(progress_bar, "INTERVAL", 0)
+    assert list(ProgressBar(range(3), "counting", mininterval=0)) == [0, 1, 2]
+
+
 def test_messages_stand_on_lines_of_their_own_above_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", Terminal())
     log = logging.getLogger("test_progress_bar")
