@@ -6,7 +6,7 @@
   same per category, for seen and unseen categories. `f_measure`: their values if nothing is predicted or true.
 - `clustering`: adapted Rand error and variation of information, over all regions.
 - `superpixel` and `oracle`: what an over-segmentation loses. `edges`: decisions on edges.
-- `frame_scores`: all these scores of one frame as a row, and their means over frames.
+- `frame_scores`: all scores of one frame as a row, and their means over frames.
 """
 
 from sgbd.metrics.boundary import BoundaryScores, ContourMap, ContourMatch, boundary_scores, contours, match_contours

@@ -1,18 +1,18 @@
 """Boundary precision, recall and F-measure of objects.
 
-The contour of an object is compared with the contour of the object it is matched with (see `sgbd.metrics.overlap`): a
+The contour of an object is compared with the contour of the object matched with it (see `sgbd.metrics.overlap`): a
 contour pixel is right if the other contour passes within a disk around it. After F. Perazzi et al., "A benchmark
 dataset and evaluation methodology for video object segmentation", CVPR 2016, with the contour and the radius of the
 published evaluation of unseen-object segmentation (C. Xie et al., CoRL 2019):
 
-- the *contour* of a mask is the part of the mask that has one of its four neighbours in the mask's outside, which is
-  everything that is 4-connected to beyond the image edge without crossing the mask. So it lies on the mask, it
-  follows the image edge where the mask touches it, and holes (and what lies in them) have no contour;
-- the disk holds the offsets with dx² + dy² <= r², r = ceil(0.003 · image diagonal) pixels, 3 for 640 x 480.
+- The *contour* of a mask consists of its pixels that have one of their four neighbours outside. The *outside* is
+  everything from which a 4-connected path leads beyond the image edge without crossing the mask. So the contour lies on
+  the mask, it follows the image edge where the mask touches it, and holes (and what lies in them) have no contour.
+- The disk holds the offsets with dx² + dy² <= r², r = ceil(0.003 · image diagonal) pixels, 3 for 640 x 480.
 
-Ignored pixels belong to no mask, neither predicted nor true: both maps are cleared there, and then compared. No
-contour pixel ever lies on an ignored pixel, and what is predicted there changes nothing; where two matched masks are
-both cut off by the same ignored region, their contours agree along it.
+Ignored pixels belong to no mask, neither predicted nor true: both maps are cleared there before they are compared. No
+contour pixel ever lies on an ignored pixel, and predictions there change nothing. If the same ignored region cuts off
+both of two matched masks, their contours agree along it.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ RADIUS_SHARE: float = 0.003
 
 @dataclass(frozen=True)
 class BoundaryScores:
-    """Agreement of the contours of predicted and true objects in one frame.
+    """Agreement of the contours of predicted and ground-truth objects in one frame.
 
     Attributes:
         precision: Share (0 to 1) of the predicted objects' contour pixels that are matched.
-        recall: Share of the true objects' contour pixels that are matched.
+        recall: Share of the ground-truth objects' contour pixels that are matched.
         f_measure: Harmonic mean of the two.
     """
 
@@ -52,13 +52,13 @@ class BoundaryScores:
 
 @dataclass(frozen=True, eq=False)
 class ContourMatch:
-    """Contour pixels of the objects of one frame, and how many of them are matched.
+    """Number of contour pixels of the objects of one frame, and how many of them are matched.
 
     Attributes:
         predicted_length: int64 [P], contour pixels of each of the matching's predicted objects.
-        predicted_matched: int64 [P], those near the contour of the true object it is matched with.
-        true_length: int64 [Q], contour pixels of each true object.
-        true_matched: int64 [Q], those near the contour of the predicted object it is matched with.
+        predicted_matched: int64 [P], those near the contour of the ground-truth object matched with it.
+        true_length: int64 [Q], contour pixels of each ground-truth object.
+        true_matched: int64 [Q], those near the contour of the predicted object matched with it.
     """
 
     predicted_length: NDArray[np.int64]
@@ -69,13 +69,13 @@ class ContourMatch:
 
 @dataclass(frozen=True, eq=False)
 class ContourMap:
-    """Contours of some labels of one label map, found once for however many comparisons.
+    """Contours of some labels of one label map, computed once for any number of comparisons.
 
     Attributes:
-        labels: int64 [K], the labels that have a contour here.
+        labels: int64 [K], the labels whose contours are here.
         index: int32 [H, W], k on the contour of ``labels[k]``, -1 elsewhere. Masks don't overlap, so neither do
             contours.
-        pixels: int64 [L], the contours' pixels as positions in the flat image, ascending.
+        pixels: int64 [L], the contours' pixels as positions in the flattened image, ascending.
     """
 
     labels: NDArray[np.int64]
@@ -84,7 +84,7 @@ class ContourMap:
 
 
 def matching_radius(height: int, width: int) -> int:
-    """Radius of the matching disk, in pixels."""
+    """Return the radius of the matching disk, in pixels."""
     return math.ceil(RADIUS_SHARE * math.hypot(height, width))
 
 
@@ -93,11 +93,11 @@ def contours(label_map: ArrayLike, labels: ArrayLike, truth: ArrayLike | None = 
 
     Args:
         label_map: Integers [H, W].
-        labels: The distinct labels [K] that have a contour.
+        labels: Distinct labels [K] whose contours to find.
         truth: Integers [H, W], whose ignored pixels (-1) belong to no mask.
 
     Returns:
-        The contours; a label without a pixel has one of length 0.
+        The contours; a label without pixels has a contour of length 0.
 
     Raises:
         ValueError: If the maps aren't integer label maps of one shape.
@@ -122,16 +122,17 @@ def match_contours(
     """Match the contours of matched objects.
 
     Args:
-        prediction: Integers [H, W], predicted segment of each pixel; or the contours of the predicted objects, and
-            of any others, with the ignored pixels of the truth cleared.
-        truth: Integers [H, W], true instance of each pixel, -1 = ignore; or the contours of the true objects.
+        prediction: Integers [H, W], predicted segment of each pixel; or the contours of the predicted objects (others
+            are allowed), computed with the ignored pixels of the ground truth cleared.
+        truth: Integers [H, W], ground-truth instance of each pixel, -1 = ignore; or the contours of the ground-truth
+            objects.
         matching: The objects and their matches.
 
     Returns:
         Contour pixels of every object, and how many of them are near the contour of its match.
 
     Raises:
-        ValueError: If the maps aren't integer label maps of one shape, or an object has no contour among those given.
+        ValueError: If the maps aren't integer label maps of one shape, or the contour of an object is missing.
     """
     if not isinstance(prediction, ContourMap):
         prediction = as_label_map(prediction, "the prediction")
@@ -165,6 +166,7 @@ def match_contours(
 
 
 def _places(objects: NDArray[np.int64], found: ContourMap, name: str) -> NDArray[np.int32]:
+    """Return the index of each object in a contour map."""
     places = label_index(objects, found.labels)
     if (places < 0).any():
         raise ValueError(f"the contours of {name} lack the objects {objects[places < 0].tolist()}: find theirs too")
@@ -174,7 +176,7 @@ def _places(objects: NDArray[np.int64], found: ContourMap, name: str) -> NDArray
 def boundary_scores(
     prediction: ArrayLike | ContourMap, truth: ArrayLike | ContourMap, matching: Matching
 ) -> BoundaryScores:
-    """Boundary precision, recall and F-measure of one frame; arguments as for `match_contours`."""
+    """Compute boundary precision, recall and F-measure of one frame; arguments as in `match_contours`."""
     match = match_contours(prediction, truth, matching)
     return BoundaryScores(
         *precision_recall_f(
@@ -188,7 +190,7 @@ def boundary_scores(
 
 @lru_cache
 def _disk(radius: int) -> NDArray[np.int64]:
-    """Offsets (dy, dx) within the radius [D, 2], nearest first, so that a search ends early."""
+    """Return the offsets (dy, dx) within the radius, int64 [D, 2], nearest first, so that a search ends early."""
     dy, dx = np.mgrid[-radius : radius + 1, -radius : radius + 1].reshape(2, -1)
     squared = dy * dy + dx * dx
     order = np.argsort(squared, kind="stable")
@@ -200,20 +202,20 @@ def _disk(radius: int) -> NDArray[np.int64]:
 def _runs(
     mask: NDArray[np.int32], count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Find the runs of each mask k (the pixels where `mask` is k): neighbouring pixels of a row.
+    """Find the runs of each mask k (the pixels where `mask` is k): maximal sequences of neighbouring pixels in a row.
 
     Args:
         mask: int32 [H, W], 0 to `count` - 1; -1 for pixels of no mask.
         count: Number of masks K.
 
     Returns:
-        All runs of a mask one after the other, in raster order:
+        All runs, sorted by mask, in raster order within a mask:
 
-        - offset: int64 [K + 1], where the runs of each mask begin, then their number R.
+        - offset: int64 [K + 1], index of the first run of each mask, then the number R of all runs.
         - row, start, end: int64 [R], the row of each run, its first column, and the column after its last.
     """
     height, width = mask.shape
-    found = np.empty((4, height * width), dtype=np.int32)  # memory that is never written to costs nothing
+    found = np.empty((4, height * width), dtype=np.int32)  # pages that are never written cost nothing
     offset = np.zeros(count + 1, dtype=np.int64)
     total = 0
     for y in range(height):
@@ -226,6 +228,7 @@ def _runs(
                 found[0, total], found[1, total], found[2, total], found[3, total] = k, y, first, x
                 offset[k + 1] += 1
                 total += 1
+    # Sort the runs by mask (counting sort): `free[k]` is the next free place of mask k.
     for k in range(count):
         offset[k + 1] += offset[k]
     free = offset[:-1].copy()
@@ -246,21 +249,24 @@ def _contours(
     start: NDArray[np.int64],
     end: NDArray[np.int64],
 ) -> NDArray[np.int32]:
-    """Find the contour of each mask by its runs of pixels instead of pixel by pixel.
+    """Find the contour of each mask from its runs of pixels, instead of pixel by pixel.
 
-    Between the runs of a mask in a row lie *gaps*: run i, unless it is the first of its row, has gap i before it. What
-    lies before the first run of a row, and behind the last, is outside. A gap is outside if a path of gaps that lie
-    above each other leads there. Of this mask, each run drawn by its number, gap 2 is a hole, and gap 5 is outside::
+    Between two runs of a mask in one row lies a *gap*: gap i is the one before run i, for every run that is not the
+    first of its row. Everything before the first run of a row and after the last is outside. A gap is outside if it is
+    connected to the outside through gaps that overlap vertically. In the mask below, each run is drawn by its number;
+    gap 2 is a hole, and gap 5 is outside::
 
         . 0 0 0 0 .
         . 1 . . 2 .      gap 2: runs 0 and 3 close it above and below
         . 3 3 3 3 .
         . 4 . . 5 .      gap 5: nothing closes it below
 
+    Gaps are grouped by union-find; the outside is the additional member R.
+
     Args:
         height: Rows of the image, pixels.
-        width: Its columns.
-        offset: As of `_runs`, like the following.
+        width: Columns of the image, pixels.
+        offset: int64 [K + 1]; this and the following from `_runs`.
         row: int64 [R].
         start: int64 [R].
         end: int64 [R].
@@ -283,12 +289,14 @@ def _contours(
             while r < offset[k + 1] and row[r] < y:
                 r += 1
             of_row[y - top] = r
+        # Connect the gaps of each pair of rows (y - 1, y) with the outside and with each other.
         for y in range(top, bottom + 2):
             above, here = of_row[max(y - 1 - top, 0)], of_row[y - top]
             behind = of_row[y - top + 1] if y <= bottom else here
             _open_gaps(start, end, above, here, here, behind, parent, outside)
             _open_gaps(start, end, here, behind, above, here, parent, outside)
             _join_gaps(start, end, above, here, behind, parent)
+        # The gaps are final. Mark the ends of runs beside the outside, then the pixels with the outside above or below.
         for y in range(top, bottom + 1):
             above, here, behind = of_row[max(y - 1 - top, 0)], of_row[y - top], of_row[y - top + 1]
             below = of_row[y - top + 2] if y < bottom else behind
@@ -313,9 +321,10 @@ def _open_gaps(
     parent: NDArray[np.int64],
     outside: int,
 ) -> None:
-    """Join the gaps of one row, of the runs `first` to `last` - 1, with the outside if it lies beside them in another.
+    """Join the gaps of one row with the outside if they touch the outside of a neighbouring row.
 
-    The other row, above or below, has the runs `other` to `other_last` - 1; without any it is outside as a whole.
+    The row has the runs `first` to `last` - 1. The neighbouring row, above or below, has the runs `other` to
+    `other_last` - 1; without any, all of it is outside.
     """
     for gap in range(first + 1, last):
         if other == other_last or end[gap - 1] < start[other] or start[gap] > end[other_last - 1]:
@@ -326,12 +335,15 @@ def _open_gaps(
 def _join_gaps(
     start: NDArray[np.int64], end: NDArray[np.int64], first: int, middle: int, last: int, parent: NDArray[np.int64]
 ) -> None:
-    """Join the gaps of one row, of the runs `first` to `middle` - 1, with those of the next that lie beside them."""
+    """Join the gaps of two adjacent rows that overlap.
+
+    The upper row has the runs `first` to `middle` - 1, the lower one `middle` to `last` - 1.
+    """
     one, other = first + 1, middle + 1
     while one < middle and other < last:
         if end[one - 1] < start[other] and end[other - 1] < start[one]:
             parent[find_root(parent, one)] = find_root(parent, other)
-        # The one that ends first meets no further gap.
+        # Go on from the gap that ends first: it overlaps no later gap.
         if start[one] < start[other]:
             one += 1
         else:
@@ -352,12 +364,16 @@ def _mark(
     parent: NDArray[np.int64],
     outside: int,
 ) -> None:
-    """Mark the pixels of row y that have the outside above or below them, in the row that has the other runs."""
+    """Mark the pixels of row y with the outside directly above or below them.
+
+    Row y has the runs `first` to `last` - 1, and the row above or below it has the runs `other` to `other_last` - 1.
+    """
     gap = other
     for r in range(first, last):
         while gap < other_last and start[gap] <= start[r]:
             gap += 1
-        # The gap before the run `gap` is the first that goes on beyond the start of run r.
+        # Gap `gap` is the first one that extends beyond the start of run r. Visit gaps from there to the end of the
+        # run; the spaces before the first run (`other`) and after the last (`other_last`) are outside.
         here = gap
         while True:
             begin = end[here - 1] if here > other else -1
@@ -380,7 +396,18 @@ def _count_matched(
     partner: NDArray[np.int32],
     disk: NDArray[np.int64],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Length of each contour, and how many of its pixels have its partner's contour in `other` within the disk."""
+    """Count the pixels of each contour, and those that have a pixel of the partner's contour within the disk.
+
+    Args:
+        pixels: int64 [L], the contour pixels as positions in the flattened image.
+        contour: int32 [H, W], the contour at each pixel, -1 elsewhere.
+        other: int32 [H, W], the contours of the other map.
+        partner: int32 [K], the contour in `other` matched with each contour, -1 for none.
+        disk: int64 [D, 2], from `_disk`.
+
+    Returns:
+        Two int64 [K]: the number of pixels, and how many of them are matched.
+    """
     height, width = contour.shape
     length = np.zeros(len(partner), dtype=np.int64)
     matched = np.zeros(len(partner), dtype=np.int64)

@@ -3,16 +3,16 @@
 The protocol of generalised zero-shot instance segmentation in E. P. Örnek et al., "SupeRGB-D", IEEE RA-L 8(6), 2023,
 arXiv:2212.11922. Within a frame:
 
-- every segment that shares a pixel with a true object takes part, whatever its label, so also one that is mostly
-  background, and it takes part whole;
-- segments and objects are matched as in `sgbd.metrics.overlap`, and every matched object has the overlap precision,
-  recall and F-measure of its own pair, and the boundary scores of the pair's two contours;
-- a category's score is the mean over its matched objects; an object without a match has no score. The published
+- Every segment that shares a pixel with a ground-truth object takes part, with all its pixels and whatever its label,
+  even if it is mostly background.
+- Segments and objects are matched as in `sgbd.metrics.overlap`. Every matched object gets the overlap precision, recall
+  and F-measure of its own pair, and the boundary scores of the pair's two contours.
+- A category's score is the mean over its matched objects; an object without a match has no score. The published
   protocol therefore doesn't punish missed objects when there are fewer segments than objects; ``unmatched="zero"``
   counts them as 0 instead.
 
-Over frames, a category's score is the mean over the frames in which it has one; seen and unseen are means over their
-categories, each with the same weight; HM is the harmonic mean of the two, for each score by itself.
+Over frames, a category's score is the mean over the frames in which it has one. Seen and unseen scores are means over
+their categories with equal weights, and HM is the harmonic mean of the two, computed for each score separately.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PairScores:
-    """Scores from 0 to 1 of one matched object, or means of such scores; NaN where contours weren't compared."""
+    """Scores from 0 to 1 of one matched object, or means of such scores; NaN if contours weren't compared."""
 
     overlap_precision: float
     overlap_recall: float
@@ -55,10 +55,10 @@ class CategoryScores:
     """Scores of one frame per category.
 
     Attributes:
-        scores: Of every category that has a matched object.
+        scores: The scores of every category that has a matched object.
         predicted: Number of segments that share a pixel with an object.
         detected: Number of objects whose match has F > 0.75.
-        objects: Number of true objects.
+        objects: Number of ground-truth objects.
     """
 
     scores: Mapping[Hashable, PairScores]
@@ -81,14 +81,14 @@ def category_scores(
     truth: ArrayLike | ContourMap | None = None,
     unmatched: Literal["skip", "zero"] = "skip",
 ) -> CategoryScores:
-    """Scores of one frame per category.
+    """Compute the scores of one frame per category.
 
     Args:
         table: The contingency table of the frame.
-        category: Category of each true object. Objects without one take part in the matching and have no score.
-        prediction: Integers [H, W], predicted segment of each pixel; only boundaries need it.
-        truth: Integers [H, W], true instance of each pixel, -1 = ignore; only boundaries need it.
-        unmatched: Whether objects without a match have no score (as published) or score 0.
+        category: Category of each ground-truth object. Objects without one are matched, but have no score.
+        prediction: Integers [H, W], predicted segment of each pixel; needed only for boundaries.
+        truth: Integers [H, W], ground-truth instance of each pixel, -1 = ignore; needed only for boundaries.
+        unmatched: What objects without a match count: "skip", no score (as published), or "zero", a score of 0.
 
     Raises:
         ValueError: If only one of `prediction` and `truth` is given, or `unmatched` is something else.
@@ -132,12 +132,12 @@ def category_scores(
 
 
 def category_table(frames: Sequence[CategoryScores]) -> pd.DataFrame:
-    """Mean scores of each category over the frames in which it has a score.
+    """Average the scores of each category over the frames in which it has a score.
 
     Returns:
-        A table with a row for each category, the columns of `PairScores` and ``frames``, how many frames count.
+        A table with a row for each category, the columns of `PairScores`, and ``frames``, the number of these frames.
     """
-    import pandas as pd  # here: segmenting needs the metrics, and does not wait for pandas
+    import pandas as pd  # imported on use: segmenting imports the metrics but not pandas
 
     of_category: dict[Hashable, list[PairScores]] = {}
     for frame in frames:
@@ -149,15 +149,16 @@ def category_table(frames: Sequence[CategoryScores]) -> pd.DataFrame:
 
 
 def seen_and_unseen(frames: Sequence[CategoryScores], seen: Collection[Hashable]) -> pd.DataFrame:
-    """Mean scores over seen and over unseen categories, and their harmonic mean.
+    """Average the scores over seen and over unseen categories, and compute their harmonic means.
 
     Args:
         frames: Scores of each frame.
         seen: The categories that occur in training; all others are unseen.
 
     Returns:
-        A table with the rows ``seen``, ``unseen`` and ``harmonic_mean``, the columns of `PairScores` and
-        ``categories``, how many categories count. A row without categories is NaN, and so is then the harmonic mean.
+        A table with the rows ``seen``, ``unseen`` and ``harmonic_mean``, the columns of `PairScores`, and
+        ``categories``, the number of categories in each mean. A row without categories is NaN, and then the harmonic
+        mean is NaN too.
     """
     import pandas as pd
 
@@ -173,11 +174,12 @@ def seen_and_unseen(frames: Sequence[CategoryScores], seen: Collection[Hashable]
 
 
 def harmonic_mean(seen: float, unseen: float) -> float:
-    """Harmonic mean of a score on seen and on unseen categories; NaN if one is missing, 0 if both are 0."""
+    """Return the harmonic mean of a score on seen and on unseen categories; NaN if one is missing, 0 if both are 0."""
     return float("nan") if np.isnan(seen) or np.isnan(unseen) else f_measure(seen, unseen)
 
 
 def _mean(scores: Sequence[PairScores]) -> PairScores:
+    """Average scores field by field; all NaN if there are none."""
     if not scores:
         return PairScores(*[float("nan")] * len(_SCORES))
     return PairScores(*map(float, np.mean([astuple(score) for score in scores], axis=0)))

@@ -1,6 +1,6 @@
 """Scores of a segmentation as a clustering of pixels, without matching segments to instances.
 
-They judge every region, background and supporting surface included, but no ignored pixel.
+They cover all regions, including background and supporting surface, but no ignored pixels.
 """
 
 from __future__ import annotations
@@ -36,24 +36,24 @@ class ClusteringScores:
 
 
 def clustering_scores(table: ContingencyTable) -> ClusteringScores:
-    """Adapted Rand error and variation of information of one frame; all 0 for a frame without known pixels."""
+    """Compute adapted Rand error and variation of information of one frame; all are 0 without known pixels."""
     together = _pairs(table.counts)
     _, _, f = precision_recall_f(together, _pairs(table.segment_area), together, _pairs(table.instance_area))
     joint = _entropy(table.counts)
     split, merge = joint - _entropy(table.instance_area), joint - _entropy(table.segment_area)
-    # Differences of equal sums may come out as -1e-16.
+    # Rounding may give slightly negative differences, such as -1e-16.
     split, merge = max(split, 0.0), max(merge, 0.0)
     return ClusteringScores(rand_error=1 - f, split=split, merge=merge, variation_of_information=split + merge)
 
 
 def _pairs(areas: NDArray[np.int64]) -> float:
-    """Number of unordered pairs of pixels within the groups."""
+    """Return the number of unordered pairs of pixels within the groups."""
     area = areas.astype(np.float64)
     return float((area * (area - 1)).sum() / 2)
 
 
 def _entropy(areas: NDArray[np.int64]) -> float:
-    """Entropy in bits of the group of a random pixel."""
+    """Return the entropy, in bits, of the group of a random pixel."""
     area = areas[areas > 0].astype(np.float64)
     if not area.size:
         return 0.0

@@ -1,8 +1,8 @@
-"""The contingency table of a segmentation and the truth: how many pixels each segment shares with each instance.
+"""The contingency table of a segmentation and the ground truth: how many pixels each segment shares with each instance.
 
-Every overlap and clustering score is a function of this table alone. Where segments are unions of superpixels it
-follows from the overlap of superpixels and instances without looking at a pixel again. Pixels whose truth is unknown
-(`sgbd.frame.IGNORE`) are left out of every count, on both sides.
+Every overlap and clustering score is a function of this table alone. If segments are unions of superpixels, the table
+follows from the overlaps of superpixels and instances, without reading the pixels again. Pixels with unknown ground
+truth (`sgbd.frame.IGNORE`) are left out of every count, on both sides.
 """
 
 from __future__ import annotations
@@ -20,12 +20,13 @@ from sgbd.metrics.label_index import as_label_map, distinct_labels, label_index
 
 @dataclass(frozen=True, eq=False)
 class ContingencyTable:
-    """Pixels shared by segments and instances, without the ignored pixels.
+    """Pixel counts shared by segments and instances, without the ignored pixels.
 
     Attributes:
-        segments: int64 [S], labels of the predicted segments that have a pixel of known truth, ascending.
-        instances: int64 [T], labels of the true instances (0 background, 1 supporting surface, 2+ objects), ascending.
-        counts: int64 [S, T], pixels in both.
+        segments: int64 [S], labels of the predicted segments that contain a pixel of known ground truth, ascending.
+        instances: int64 [T], labels of the ground-truth instances (0 background, 1 supporting surface, 2+ objects),
+            ascending.
+        counts: int64 [S, T], number of pixels in both.
     """
 
     segments: NDArray[np.int64]
@@ -41,11 +42,11 @@ class ContingencyTable:
 
     @classmethod
     def from_label_maps(cls, prediction: ArrayLike, truth: ArrayLike) -> ContingencyTable:
-        """Count over two label maps.
+        """Count the pixels of two label maps.
 
         Args:
             prediction: Integers [H, W], predicted segment of each pixel, not negative.
-            truth: Integers [H, W], true instance of each pixel, -1 = ignore.
+            truth: Integers [H, W], ground-truth instance of each pixel, -1 = ignore.
 
         Raises:
             ValueError: If the maps aren't integer label maps of one shape or hold labels that are too low.
@@ -66,11 +67,11 @@ class ContingencyTable:
     def from_superpixels(
         cls, superpixel: ArrayLike, instance: ArrayLike, count: ArrayLike, segment: ArrayLike
     ) -> ContingencyTable:
-        """Count over the overlaps of superpixels with instances; equal to counting over the painted label map.
+        """Sum the overlaps of superpixels with instances; the result equals counting the painted label map.
 
         Args:
             superpixel: int [M], superpixel of each overlap.
-            instance: int [M], true instance of each overlap; -1 is left out.
+            instance: int [M], ground-truth instance of each overlap; -1 is left out.
             count: int [M], pixels of each overlap.
             segment: int [N], segment of each superpixel, not negative.
 
@@ -95,7 +96,7 @@ class ContingencyTable:
         segments, instances = distinct_labels(of_overlap), distinct_labels(instance)
         row, column = label_index(of_overlap, segments), label_index(instance, instances)
         shape = len(segments), len(instances)
-        # Sums of pixels are whole numbers far below 2^53, exact as float64.
+        # bincount sums in float64, which is exact for pixel counts far below 2^53.
         counts = np.bincount(row * shape[1] + column, count, shape[0] * shape[1]).astype(np.int64).reshape(shape)
         return cls._of_known(segments, instances, counts)
 
@@ -103,14 +104,14 @@ class ContingencyTable:
     def _of_known(
         cls, segments: NDArray[np.int64], instances: NDArray[np.int64], counts: NDArray[np.int64]
     ) -> ContingencyTable:
-        """Drop the ignored pixels, and the labels without a pixel left."""
+        """Build a table without the ignored pixels, and without labels that have no pixel left."""
         counts = np.where(instances == IGNORE, 0, counts)
         row, column = counts.any(axis=1), counts.any(axis=0)
         return cls(segments[row], instances[column], counts[row][:, column])
 
     @cached_property
     def segment_area(self) -> NDArray[np.int64]:
-        """Pixels of known truth in each segment, int64 [S]."""
+        """Pixels of known ground truth in each segment, int64 [S]."""
         return self.counts.sum(axis=1)
 
     @cached_property
@@ -120,13 +121,13 @@ class ContingencyTable:
 
     @property
     def total(self) -> int:
-        """Pixels of known truth."""
+        """Number of pixels of known ground truth."""
         return int(self.counts.sum())
 
 
 @compiled
 def _count_pixels(row: NDArray[np.int32], column: NDArray[np.int32], rows: int, columns: int) -> NDArray[np.int64]:
-    """Two-dimensional histogram of pairs, int64 [rows, columns]."""
+    """Return the two-dimensional histogram of pairs, int64 [rows, columns]."""
     counts = np.zeros((rows, columns), dtype=np.int64)
     for i in range(row.size):
         counts[row[i], column[i]] += 1

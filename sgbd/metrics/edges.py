@@ -12,13 +12,13 @@ from sgbd.metrics.f_measure import precision_recall_f
 
 @dataclass(frozen=True)
 class EdgeScores:
-    """Decisions on the edges of one graph (or of several, counted together).
+    """Scores of the decisions on the edges of one graph (or of several, counted together).
 
     Attributes:
         cut_precision: Share (0 to 1) of the cut edges that lie between different instances.
         cut_recall: Share of the edges between different instances that are cut.
         cut_f_measure: Harmonic mean of the two. Cuts are the rare class, so this says more than the accuracy.
-        merge_accuracy: Share of all edges that are rightly merged or rightly cut; 1 if there are none.
+        merge_accuracy: Share of all edges that are correctly merged or correctly cut; 1 if there are none.
     """
 
     cut_precision: float
@@ -31,12 +31,12 @@ def edge_scores(merged: ArrayLike, edge_label: ArrayLike) -> EdgeScores:
     """Score decisions on edges.
 
     Args:
-        merged: bool [E], whether the two ends are joined: ``probability > threshold`` to judge the edge model alone,
-            ``segment[i] == segment[j]`` to judge the partition.
+        merged: bool [E], whether the two ends are merged: ``probability > threshold`` to score the edge model alone,
+            ``segment[i] == segment[j]`` to score the partition.
         edge_label: [E], 1 = same instance, 0 = different instances, -1 = unknown: left out.
 
     Raises:
-        ValueError: If the shapes differ, `merged` isn't boolean or a label is none of these.
+        ValueError: If the shapes differ, `merged` isn't boolean, or a label is none of these.
     """
     merged, label = np.asarray(merged), np.asarray(edge_label)
     if merged.dtype != bool:

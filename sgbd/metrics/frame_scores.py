@@ -23,12 +23,12 @@ class FrameScores:
     """Scores of one frame. All are shares from 0 to 1, except counts and the entropies (bits) in `clustering`.
 
     Attributes:
-        name: Of the frame.
+        name: Name of the frame.
         overlap: Overlap of objects.
         clustering: Agreement of all regions.
         boundary: Agreement of object contours, None if they weren't compared.
-        edges: Decisions on edges, None if not judged.
-        oracle_overlap: What the best partition of the superpixels would have had, None if not known.
+        edges: Decisions on edges, None if they weren't scored.
+        oracle_overlap: Overlap that the best partition of the superpixels would have, None if not computed.
         oracle_boundary: The same for contours.
     """
 
@@ -41,7 +41,7 @@ class FrameScores:
     oracle_boundary: BoundaryScores | None = None
 
     def as_dict(self) -> dict[str, str | float | int]:
-        """One row of a table: ``overlap_f_measure``, ``boundary_recall``, ``oracle_overlap_f_measure`` and so on.
+        """Return a row of a table: ``overlap_f_measure``, ``boundary_recall``, ``oracle_overlap_f_measure`` and so on.
 
         Scores that are None are left out.
         """
@@ -78,14 +78,14 @@ def score_frame(
         table: The contingency table of the predicted segments.
         objects: Labels of the segments that are objects (see `sgbd.metrics.objects`); by default those from 2 on.
         prediction: Integers [H, W], predicted segment of each pixel, for boundaries.
-        truth: Integers [H, W], true instance of each pixel, -1 = ignore, for boundaries.
+        truth: Integers [H, W], ground-truth instance of each pixel, -1 = ignore, for boundaries.
         oracle: The contingency table of the oracle's segments (see `sgbd.metrics.oracle`).
         oracle_prediction: Integers [H, W], the oracle's segment of each pixel, for its boundaries.
         edges: Scores of the decisions on edges.
-        name: Of the frame.
+        name: Name of the frame.
 
     Raises:
-        ValueError: If a label map for boundaries comes without the one it is to be compared with.
+        ValueError: If a label map for boundaries is given without the one to compare it with.
     """
     if prediction is not None and truth is None:
         raise ValueError("boundaries need the true label map as well: give truth with prediction")
@@ -112,18 +112,18 @@ def score_frame(
 
 
 def frame_table(frames: Sequence[FrameScores]) -> pd.DataFrame:
-    """A table with one row for each frame, indexed by name."""
-    import pandas as pd  # here: segmenting needs the metrics, and does not wait for pandas
+    """Return a table with one row for each frame, indexed by name."""
+    import pandas as pd  # imported on use: segmenting imports the metrics but not pandas
 
     columns = [frame.as_dict() for frame in frames]
     return pd.DataFrame(columns).set_index("name") if columns else pd.DataFrame(index=pd.Index([], name="name"))
 
 
 def summarize(frames: Sequence[FrameScores]) -> dict[str, float]:
-    """Mean of every score over the frames that have it, each frame with the same weight, as published.
+    """Average every score over the frames that have it, each frame with the same weight, as published.
 
-    F is the mean of the frames' F, not the F of mean precision and recall. Shares stay shares: multiply by 100 where
-    they are shown as per cent. ``frames`` holds the number of frames.
+    F is the mean of the frames' F, not the F of mean precision and recall. Shares stay shares: multiply them by 100 to
+    show percentages. ``frames`` holds the number of frames.
     """
     table = frame_table(frames)
     return {**{str(name): float(value) for name, value in table.mean().items()}, "frames": float(len(table))}

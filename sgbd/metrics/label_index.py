@@ -1,4 +1,4 @@
-"""Translation of the labels of an image into positions in a list of labels."""
+"""Map the labels of an image to their positions in a list of labels."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from sgbd.machine.compiled import compiled
 
-# In a wider range labels are searched instead of looked up in a table.
+# If labels span a wider range than this, they are searched in a sorted list instead of looked up in a table.
 _LONGEST_TABLE = 1 << 20
 
-# And so are so few of them: a table for them takes longer.
+# So are label maps of at most this many pixels, for which building a table takes longer.
 _FEW = 1 << 8
 
 
 def as_label_map(label_map: ArrayLike, name: str, lowest: int = 0) -> NDArray[np.integer]:
-    """Check a label map.
+    """Check a label map, and return it as an array.
 
     Args:
         label_map: Integers [H, W].
-        name: What to call it in an error.
-        lowest: The lowest label that is allowed.
+        name: How to call it in an error message.
+        lowest: Lowest allowed label.
 
     Raises:
         ValueError: If it isn't a two-dimensional array of integers, or holds a label below `lowest`.
@@ -36,7 +36,7 @@ def as_label_map(label_map: ArrayLike, name: str, lowest: int = 0) -> NDArray[np
 
 
 def distinct_labels(label_map: NDArray[np.integer]) -> NDArray[np.int64]:
-    """The labels that occur in an array, each once, in ascending order."""
+    """Return the distinct labels of an array in ascending order."""
     if label_map.size == 0:
         return np.empty(0, dtype=np.int64)
     lowest, highest = int(label_map.min()), int(label_map.max())
@@ -46,14 +46,14 @@ def distinct_labels(label_map: NDArray[np.integer]) -> NDArray[np.int64]:
 
 
 def label_index(label_map: NDArray[np.integer], labels: ArrayLike) -> NDArray[np.int32]:
-    """The position of every label in a list of labels.
+    """Return the position of every label in a list of labels.
 
     Args:
         label_map: Labels, of any shape.
         labels: Distinct labels [K], in any order.
 
     Returns:
-        int32 of the shape of `label_map`: k where it holds ``labels[k]``, -1 where it holds none of them.
+        int32 of the shape of `label_map`: k where the label is ``labels[k]``, -1 where it is not in the list.
     """
     labels = np.asarray(labels, dtype=np.int64)
     if label_map.size == 0 or labels.size == 0:
@@ -72,17 +72,19 @@ def label_index(label_map: NDArray[np.integer], labels: ArrayLike) -> NDArray[np
 
 
 def _fits_table(lowest: int, highest: int) -> bool:
+    """Return whether a table over this range of labels is small enough, and all labels fit into int32."""
     return highest - lowest < _LONGEST_TABLE and -(1 << 31) <= lowest <= highest < 1 << 31
 
 
 def _flat(label_map: NDArray[np.integer]) -> NDArray[np.int32]:
-    # One type of input means one compilation of what follows, whatever type of integer the caller has.
+    # With a single dtype, the functions below are compiled only once.
+    """Return the labels as a flat int32 array."""
     return label_map.ravel().astype(np.int32, copy=False)
 
 
 @compiled
 def _occurring(labels: NDArray[np.int32], lowest: int, highest: int) -> NDArray[np.bool_]:
-    """Whether each label from `lowest` to `highest` occurs."""
+    """Return whether each label from `lowest` to `highest` occurs, bool [highest - lowest + 1]."""
     occurs = np.zeros(highest - lowest + 1, dtype=np.bool_)
     for label in labels:
         occurs[label - lowest] = True
@@ -91,7 +93,7 @@ def _occurring(labels: NDArray[np.int32], lowest: int, highest: int) -> NDArray[
 
 @compiled
 def _translated(labels: NDArray[np.int32], lowest: int, table: NDArray[np.int32]) -> NDArray[np.int32]:
-    """What the table, which begins with the label `lowest`, holds for each label."""
+    """Look up each label in a table whose first entry belongs to the label `lowest`."""
     translation = np.empty(labels.shape, dtype=np.int32)
     for i in range(labels.size):
         translation[i] = table[labels[i] - lowest]

@@ -1,9 +1,9 @@
-"""The oracle: what a perfect partition of given superpixels would reach.
+"""The oracle: the scores that a perfect partition of given superpixels would reach.
 
-Every superpixel goes to the instance that most of its pixels belong to. What the oracle misses is lost by the
-over-segmentation, what a prediction misses beyond it by the edge model and the partition. Majority assignment gives
-the most correct pixels that any labelling of these superpixels can have; for the F-measure it is the customary bound,
-and tight in practice, but on made-up cases another labelling can have a slightly higher F.
+Every superpixel is assigned to the instance that contains most of its pixels. What the oracle misses is lost by the
+over-segmentation; what a prediction misses beyond that is lost by the edge model and the partition. Majority assignment
+gives the largest number of correct pixels that any labelling of these superpixels can have. For the F-measure it is the
+customary bound and tight in practice, but in contrived cases another labelling can have a slightly higher F.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from sgbd.metrics.contingency import ContingencyTable
 def oracle_segments(
     superpixel: ArrayLike, instance: ArrayLike, count: ArrayLike, num_superpixels: int
 ) -> NDArray[np.int64]:
-    """The majority instance of every superpixel.
+    """Return the majority instance of every superpixel.
 
-    As a segmentation of superpixels it is labelled like the truth: score it with
+    The result is a segmentation of superpixels with the labels of the ground truth: score it with
     ``ContingencyTable.from_superpixels(superpixel, instance, count, segments)`` and paint it with
     ``segments[label_map]``.
 
     Args:
         superpixel: int [M], superpixel of each overlap.
-        instance: int [M], true instance of each overlap; -1 is left out.
+        instance: int [M], ground-truth instance of each overlap; -1 is left out.
         count: int [M], pixels of each overlap.
         num_superpixels: N.
 
     Returns:
-        int64 [N], a true instance for each superpixel: the one with the most pixels, of equals the lowest label; 0 for
-        superpixels that lie wholly in ignored pixels.
+        int64 [N], an instance for each superpixel: the one with the most pixels, on a tie the lowest label; 0 for
+        superpixels that lie entirely in ignored pixels.
     """
     superpixel, instance, count = np.asarray(superpixel), np.asarray(instance), np.asarray(count)
     known = instance >= 0
@@ -44,6 +44,6 @@ def oracle_segments(
 def oracle_table(
     superpixel: ArrayLike, instance: ArrayLike, count: ArrayLike, num_superpixels: int
 ) -> ContingencyTable:
-    """The contingency table of the oracle's segments and the truth; arguments as for `oracle_segments`."""
+    """Return the contingency table of the oracle's segments and the ground truth; arguments as in `oracle_segments`."""
     segments = oracle_segments(superpixel, instance, count, num_superpixels)
     return ContingencyTable.from_superpixels(superpixel, instance, count, segments)

@@ -2,9 +2,9 @@
 
 The measure of unseen-object segmentation: A. Dave, P. Tokmakov, D. Ramanan, "Towards segmenting anything that moves",
 ICCV workshops 2019, as C. Xie, Y. Xiang, A. Mousavian, D. Fox, "The best of both modes", CoRL 2019, apply it to single
-frames. Predicted and true objects are matched one to one so that the sum of their pairwise F-measures is greatest;
-precision is then the share of the predicted objects' pixels that lie on their match, recall the share of the true
-objects' pixels that their match covers.
+frames. Predicted and ground-truth objects are matched one to one so that the sum of their pairwise F-measures is
+greatest. Precision is then the share of the predicted objects' pixels that lie on their match, and recall the share of
+the ground-truth objects' pixels that their match covers.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ DETECTION_THRESHOLD: float = 0.75
 
 @dataclass(frozen=True, eq=False)
 class Matching:
-    """A one-to-one matching of predicted and true objects.
+    """A one-to-one matching of predicted and ground-truth objects.
 
     Attributes:
         predicted_objects: int64 [P], labels of all predicted objects, matched or not.
-        true_objects: int64 [Q], labels of all true objects.
+        true_objects: int64 [Q], labels of all ground-truth objects.
         segment: int64 [K], the matched predicted objects, K = min(P, Q).
-        instance: int64 [K], the true object that each is matched with, ascending.
-        intersection: int64 [K], pixels in both.
+        instance: int64 [K], the ground-truth object matched with each, ascending.
+        intersection: int64 [K], number of pixels in both.
         precision: float64 [K], share of the segment that lies on the instance.
         recall: float64 [K], share of the instance that the segment covers.
-        f_measure: float64 [K]. 0 where a pair shares no pixel: the published assignment is complete, so what is left
-            over is paired even then.
+        f_measure: float64 [K]. It may be 0: the published assignment is complete, so even objects that share no pixel
+            are paired.
     """
 
     predicted_objects: NDArray[np.int64]
@@ -50,23 +50,23 @@ class Matching:
 
     @property
     def detected(self) -> int:
-        """How many true objects have a match with an F-measure above 0.75."""
+        """Number of ground-truth objects that have a match with an F-measure above 0.75."""
         return int((self.f_measure > DETECTION_THRESHOLD).sum())
 
 
 @dataclass(frozen=True)
 class OverlapScores:
-    """Overlap of predicted and true objects in one frame.
+    """Overlap of predicted and ground-truth objects in one frame.
 
     Attributes:
         precision: Share (0 to 1) of the predicted objects' pixels that lie on the object they are matched with.
-        recall: Share of the true objects' pixels that are covered by the segment they are matched with.
+        recall: Share of the ground-truth objects' pixels that are covered by the segment they are matched with.
         f_measure: Harmonic mean of the two.
-        detected_share: Share of the true objects whose match has F > 0.75 ("F@.75"); without true objects it is 1
-            if nothing was predicted, else 0.
+        detected_share: Share of the ground-truth objects whose match has F > 0.75 ("F@.75"); without ground-truth
+            objects it is 1 if nothing was predicted, else 0.
         predicted: Number of predicted objects.
-        detected: Number of true objects detected.
-        objects: Number of true objects.
+        detected: Number of detected ground-truth objects.
+        objects: Number of ground-truth objects.
     """
 
     precision: float
@@ -79,17 +79,17 @@ class OverlapScores:
 
 
 def match_objects(table: ContingencyTable, objects: ArrayLike | None = None) -> Matching:
-    """Match predicted with true objects so that the sum of the pairs' F-measures is greatest (Hungarian method).
+    """Match predicted and ground-truth objects so that the sum of the pairs' F-measures is greatest (Hungarian method).
 
     Args:
         table: The contingency table of the frame.
-        objects: Labels of the segments that are objects; by default those with labels from 2 on, as in the truth.
-            Labels of segments without a pixel of known truth are left out.
+        objects: Labels of the segments that are objects; by default the labels from 2 on, as in the ground truth.
+            Labels of segments without a pixel of known ground truth are left out.
 
     Returns:
-        The pairs, as many as there are of the rarer kind, with their overlap.
+        The pairs with their overlap; all objects of the rarer kind are paired.
     """
-    from scipy.optimize import linear_sum_assignment  # here: segmenting needs the metrics, and does not wait for it
+    from scipy.optimize import linear_sum_assignment  # imported on use: segmenting imports the metrics but not SciPy
 
     if objects is None:
         objects = objects_by_label(table)
@@ -99,7 +99,7 @@ def match_objects(table: ContingencyTable, objects: ArrayLike | None = None) -> 
     shared = table.counts[row][:, column].T  # [Q, P]
     predicted_area = table.segment_area[row]
     true_area = table.instance_area[column]
-    # 2PR / (P + R) in pixels.
+    # The F-measure of each pair, 2PR / (P + R), in terms of pixel counts.
     pairwise = 2 * shared / (true_area[:, None] + predicted_area[None, :])
     q, p = linear_sum_assignment(pairwise, maximize=True)
     intersection = shared[q, p]
@@ -116,11 +116,11 @@ def match_objects(table: ContingencyTable, objects: ArrayLike | None = None) -> 
 
 
 def overlap_scores(table: ContingencyTable, matching: Matching | None = None) -> OverlapScores:
-    """Overlap precision, recall, F-measure and detected share of one frame.
+    """Compute overlap precision, recall, F-measure and detected share of one frame.
 
     Args:
         table: The contingency table of the frame.
-        matching: Of predicted and true objects in `table`; by default the labels say what an object is.
+        matching: The matching of predicted and ground-truth objects in `table`; by default objects are chosen by label.
 
     Returns:
         The scores over all objects of the frame, summed in pixels.

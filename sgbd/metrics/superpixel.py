@@ -1,8 +1,8 @@
 """Scores of an over-segmentation.
 
-As D. Stutz, A. Hermans, B. Leibe, "Superpixels: an evaluation of the state-of-the-art", CVIU 2018,
-doi:10.1016/j.cviu.2017.03.007, defines them. Those that compare with the truth take the contingency table of
-superpixels and instances, or leave out ignored pixels.
+They are defined as in D. Stutz, A. Hermans, B. Leibe, "Superpixels: an evaluation of the state-of-the-art", CVIU 2018,
+doi:10.1016/j.cviu.2017.03.007. Scores that compare with the ground truth leave out ignored pixels; most are computed
+from the contingency table of superpixels and instances.
 """
 
 from __future__ import annotations
@@ -16,24 +16,25 @@ from sgbd.metrics.label_index import as_label_map
 
 
 def achievable_segmentation_accuracy(table: ContingencyTable) -> float:
-    """Share of the pixels that are right if every superpixel takes its majority instance; 1 if there are no pixels.
+    """Return the share of pixels that are right if every superpixel takes its majority instance; 1 without pixels.
 
     M.-Y. Liu, O. Tuzel, S. Ramalingam, R. Chellappa, "Entropy rate superpixel segmentation", CVPR 2011.
 
     Args:
-        table: Of superpixels (as segments) and instances.
+        table: The contingency table of superpixels (as segments) and instances.
     """
     return float(table.counts.max(axis=1).sum() / table.total) if table.total else 1.0
 
 
 def undersegmentation_error(table: ContingencyTable) -> float:
-    """How far superpixels leak over the borders of instances, as a share of all pixels; 0 if there are no pixels.
+    """Return how much superpixels leak over the borders of instances, as a share of all pixels; 0 without pixels.
 
-    For every instance and every superpixel that touches it, the smaller of what lies inside and what lies outside is
-    an error. P. Neubert, P. Protzel, "Superpixel benchmark and comparison", Forum Bildverarbeitung 2012.
+    For every instance and every superpixel that touches it, the error is the smaller of the superpixel's parts inside
+    and outside the instance. P. Neubert, P. Protzel, "Superpixel benchmark and comparison", Forum Bildverarbeitung
+    2012.
 
     Args:
-        table: Of superpixels (as segments) and instances.
+        table: The contingency table of superpixels (as segments) and instances.
     """
     if not table.total:
         return 0.0
@@ -42,19 +43,19 @@ def undersegmentation_error(table: ContingencyTable) -> float:
 
 
 def boundary_recall(label_map: ArrayLike, truth: ArrayLike, tolerance: int | None = None) -> float:
-    """Share of the true border pixels with a superpixel border near by; 1 if there are no true borders.
+    """Return the share of ground-truth border pixels near a superpixel border; 1 if there are no ground-truth borders.
 
-    A border pixel is one whose right or lower neighbour has another label. Pairs of neighbours of which one is ignored
-    are no true border. D. R. Martin, C. C. Fowlkes, J. Malik, "Learning to detect natural image boundaries using local
-    brightness, color, and texture cues", TPAMI 2004, doi:10.1109/TPAMI.2004.1273918.
+    A border pixel is one whose right or lower neighbour has another label. Two neighbours of which one is ignored form
+    no ground-truth border. D. R. Martin, C. C. Fowlkes, J. Malik, "Learning to detect natural image boundaries using
+    local brightness, color, and texture cues", TPAMI 2004, doi:10.1109/TPAMI.2004.1273918.
 
     Args:
         label_map: Integers [H, W], superpixels.
-        truth: Integers [H, W], true instances, -1 = ignore.
-        tolerance: Near by is within a square of 2 · tolerance + 1 pixels; by default 0.0025 of the image diagonal,
-            rounded (2 for 640 x 480).
+        truth: Integers [H, W], ground-truth instances, -1 = ignore.
+        tolerance: A border is near if it lies within a square of 2 · tolerance + 1 pixels; by default 0.0025 of the
+            image diagonal, rounded (2 for 640 x 480).
     """
-    from scipy.ndimage import maximum_filter  # here: segmenting needs the metrics, and does not wait for it
+    from scipy.ndimage import maximum_filter  # imported on use: segmenting imports the metrics but not SciPy
 
     label_map = as_label_map(label_map, "the label map")
     truth = as_label_map(truth, "the truth", lowest=IGNORE)
@@ -73,14 +74,14 @@ def boundary_recall(label_map: ArrayLike, truth: ArrayLike, tolerance: int | Non
 
 
 def explained_variation(label_map: ArrayLike, image: ArrayLike, valid: ArrayLike | None = None) -> float:
-    """Share of the variance of an image that the superpixels' means explain; 1 if the image is constant.
+    """Return the share of an image's variance that the superpixels' means explain; 1 if the image is constant.
 
     A. P. Moore, S. J. D. Prince, J. Warrell, U. Mohammed, G. Jones, "Superpixel lattices", CVPR 2008.
 
     Args:
         label_map: Integers [H, W], superpixels.
-        image: [H, W] or [H, W, C], of any unit. Channels are added up, so they should have one scale.
-        valid: bool [H, W], the pixels to look at, for instance ``depth > 0``; by default all.
+        image: [H, W] or [H, W, C], in any unit. Variances are summed over channels, so these should have one scale.
+        valid: bool [H, W], the pixels to use, for instance ``depth > 0``; by default all.
     """
     label_map = as_label_map(label_map, "the label map")
     channels = np.asarray(image, dtype=np.float64).reshape(*label_map.shape, -1)
@@ -99,7 +100,7 @@ def explained_variation(label_map: ArrayLike, image: ArrayLike, valid: ArrayLike
 
 
 def _border(label_map: NDArray[np.integer], known: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Pixels whose right or lower neighbour has another label, both known."""
+    """Return which pixels, bool [H, W], have a right or lower neighbour with another label, both being known."""
     border = np.zeros(label_map.shape, dtype=bool)
     border[:, :-1] |= (label_map[:, :-1] != label_map[:, 1:]) & known[:, :-1] & known[:, 1:]
     border[:-1] |= (label_map[:-1] != label_map[1:]) & known[:-1] & known[1:]
