@@ -11,11 +11,11 @@ LabelMap = npt.NDArray[np.int32]
 Pairs = npt.NDArray[np.int64]
 
 Adjacency = Callable[[LabelMap], Pairs]
-"""Label map int32 [H, W] with ids 0..N-1 to pairs int64 [2, E], each once, i < j, in lexicographic order."""
+"""Maps a label map int32 [H, W] with ids 0..N-1 to pairs int64 [2, E], each once, i < j, in lexicographic order."""
 
 
 def border_pairs(label_map: LabelMap) -> Pairs:
-    """Pair the superpixels that share a border: 4-connected neighbours in the image.
+    """Find the pairs of superpixels that share a border (4-connected neighbours in the image).
 
     Args:
         label_map: int32 [H, W], ids 0..N-1.
@@ -27,14 +27,14 @@ def border_pairs(label_map: LabelMap) -> Pairs:
 
 
 def border_lengths(label_map: LabelMap) -> tuple[Pairs, npt.NDArray[np.int64]]:
-    """Pair the superpixels that share a border, and measure it.
+    """Find the pairs of superpixels that share a border, and the length of each border.
 
     Args:
         label_map: int32 [H, W], ids 0..N-1.
 
     Returns:
-        Pairs int64 [2, E] as in `border_pairs`, and the border's length int64 [E]: the number of pixel pairs, side by
-        side or one above the other, that lie on both sides of it.
+        Pairs int64 [2, E] as in `border_pairs`, and border lengths int64 [E]: the number of horizontally or vertically
+        adjacent pixel pairs that the border separates.
     """
     count = int(label_map.max(initial=-1)) + 1
     keys = []
@@ -50,9 +50,9 @@ def border_lengths(label_map: LabelMap) -> tuple[Pairs, npt.NDArray[np.int64]]:
 
 
 def bounding_box_pairs(label_map: LabelMap) -> Pairs:
-    """Pair the superpixels whose bounding boxes touch or overlap, as the implementation of SupeRGB-D does.
+    """Find the pairs of superpixels whose bounding boxes touch or overlap, like the implementation of SupeRGB-D.
 
-    About a third of these pairs share no border; kept to reproduce the paper (arXiv 2212.11922).
+    About a third of these pairs share no border. This adjacency exists to reproduce the paper (arXiv 2212.11922).
 
     Args:
         label_map: int32 [H, W], ids 0..N-1.
@@ -72,7 +72,7 @@ def bounding_box_pairs(label_map: LabelMap) -> Pairs:
         (right, columns, np.maximum),
     ):
         ufunc.at(extreme, flat, values)
-    # Inclusive pixel boxes touch when one starts at most one pixel after the other ends.
+    # Bounds are inclusive: boxes touch if one starts at most one pixel after the other ends.
     touch = (
         (top[:, None] <= bottom + 1)
         & (top <= bottom[:, None] + 1)

@@ -1,7 +1,7 @@
-"""Features of superpixels and of the edges between them, as named columns in one declared order.
+"""Features of superpixels and of the edges between them, as named columns in a fixed order.
 
-They are computed from the pixel sums of `sgbd.regions`; `sgbd.graph_arrays` puts them into a graph. All columns are
-computed and stored. An ablation selects columns of the same matrix by the names of their groups.
+They are computed from the pixel sums of `sgbd.regions`, and `sgbd.graph_arrays` puts them into a graph. All columns are
+always computed and stored. Ablations select columns by the names of their groups.
 """
 
 from __future__ import annotations
@@ -34,28 +34,28 @@ from sgbd.regions import (
 )
 
 NODE_GROUPS: Mapping[str, tuple[str, ...]] = {
-    # The paper's.
+    # The features of the paper.
     "rgb": ("red", "green", "blue"),
     "position": ("centroid_x", "centroid_y"),
     "depth": ("depth",),
     "normal": ("normal_x", "normal_y", "normal_z"),
-    # Beyond the paper.
+    # Additional features.
     "xyz": ("scene_x", "scene_y", "scene_z"),
     "mean_normal": ("plane_normal_x", "plane_normal_y", "plane_normal_z"),
     "color_spread": ("red_spread", "green_spread", "blue_spread"),
     "shape": ("log_area", "missing_depth", "roughness"),
 }
-"""Columns of the node feature matrix by group, in their order.
+"""Columns of the node feature matrix, in order, by group.
 
 - rgb: mean colour, 0 to 1.
 - position: centroid, column / width and row / height.
-- depth: mean depth, stretched to 0..1 between the nearest and the farthest valid pixel of the frame.
+- depth: mean depth, scaled to 0..1 between the nearest and the farthest valid pixel of the frame.
 - normal: unit normal (-dz/dx, -dz/dy, 1) at the centroid pixel, slopes in metres per metre.
 - xyz: mean position in camera coordinates relative to the frame's mean position, metres.
-- mean_normal: unit normal of the plane fitted to all its points, facing the camera.
+- mean_normal: unit normal of the plane fitted to all points of the superpixel, facing the camera.
 - color_spread: standard deviation of the colour, 0 to 1.
-- shape: log of the area as a share of the frame; share of pixels without depth; log1p of the plane fit's root mean
-  square residual in millimetres.
+- shape: log of the area as a fraction of the frame; fraction of pixels without depth; log1p of the root mean square
+  residual of the plane fit in millimetres.
 """
 
 EDGE_GROUPS: Mapping[str, tuple[str, ...]] = {
@@ -65,26 +65,26 @@ EDGE_GROUPS: Mapping[str, tuple[str, ...]] = {
     "convexity": ("convexity", "normal_agreement", "plane_distance", "plane_distance_back"),
     "distance": ("centroid_distance", "color_distance"),
 }
-"""Columns of the edge feature matrix by group, in their order. An edge leads from superpixel i to superpixel j.
+"""Columns of the edge feature matrix, in order, by group. An edge points from superpixel i to superpixel j.
 
-- border: log1p of the border's length in pixels.
-- depth_step: mean and minimum depth step across the border, as log1p of it in units of 5 mm; share of the border's
-  pixel pairs without depth on both sides.
+- border: log1p of the border length in pixels.
+- depth_step: mean and minimum depth step across the border, each as log1p in units of 5 mm; fraction of the border's
+  pixel pairs in which a pixel has no depth.
 - gradient: mean colour distance across the border, RGB 0 to 1.
-- convexity: (n_j - n_i) . d with d the unit vector from centroid i to centroid j: positive where the surfaces meet in a
-  convex edge (Stein et al., CVPR 2014, DOI 10.1109/CVPR.2014.46); n_i . n_j; and the signed distances of centroid j
-  to the plane of i and of centroid i to the plane of j, as sign * log1p of it in units of 10 mm.
-- distance: distance of the centroids in space, as log1p of it in units of 10 mm; distance of the mean colours, 0 to 1.
+- convexity: (n_j - n_i) . d with d the unit vector from centroid i to centroid j, positive if the surfaces meet in a
+  convex edge (Stein et al., CVPR 2014, DOI 10.1109/CVPR.2014.46); n_i . n_j; the signed distances of centroid j to the
+  plane of i and of centroid i to the plane of j, each as sign * log1p in units of 10 mm.
+- distance: distance of the centroids in space, as log1p in units of 10 mm; distance of the mean colours, 0 to 1.
 """
 
 NODE_NAMES: tuple[str, ...] = tuple(name for names in NODE_GROUPS.values() for name in names)
 EDGE_NAMES: tuple[str, ...] = tuple(name for names in EDGE_GROUPS.values() for name in names)
 
-# First column of each group in the matrix of the nodes, in the order of `NODE_GROUPS`, and their number.
+# First column of each node feature group, in the order of `NODE_GROUPS`, then the number of columns.
 AT_RGB, AT_POSITION, AT_DEPTH, AT_NORMAL, AT_XYZ, AT_MEAN_NORMAL, AT_COLOR_SPREAD, AT_SHAPE, NODE_WIDTH = accumulate(
     map(len, NODE_GROUPS.values()), initial=0
 )
-# The same of the edges, in the order of `EDGE_GROUPS`.
+# The same for the edge feature groups, in the order of `EDGE_GROUPS`.
 AT_BORDER, AT_DEPTH_STEP, AT_GRADIENT, AT_CONVEXITY, AT_DISTANCE, EDGE_WIDTH = accumulate(
     map(len, EDGE_GROUPS.values()), initial=0
 )
@@ -93,17 +93,17 @@ DEPTH_STEP_UNIT = 0.005
 DISTANCE_UNIT = 0.01
 
 SWEEPS = 12
-"""Rounds of rotations at the most; a 3 x 3 matrix is diagonal after four or five."""
+"""Maximum number of Jacobi sweeps; a 3 x 3 matrix is diagonal after four or five."""
 
 
 def node_columns(groups: Iterable[str] | None = None) -> list[int]:
-    """Return the columns of `x` that belong to some groups.
+    """Return the columns of `x` that belong to the given groups.
 
     Args:
         groups: Names of `NODE_GROUPS`; None for all.
 
     Returns:
-        Column numbers in the declared order, whatever the order of `groups`.
+        Column numbers in ascending order, regardless of the order of `groups`.
 
     Raises:
         ValueError: For an unknown group; the message lists the choices.
@@ -112,7 +112,7 @@ def node_columns(groups: Iterable[str] | None = None) -> list[int]:
 
 
 def edge_columns(groups: Iterable[str] | None = None) -> list[int]:
-    """Return the columns of `edge_attr` that belong to some groups; as `node_columns`, for `EDGE_GROUPS`."""
+    """Return the columns of `edge_attr` that belong to the given `EDGE_GROUPS`; see `node_columns`."""
     return _columns(EDGE_GROUPS, groups, "edge")
 
 
@@ -128,8 +128,8 @@ def _columns(table: Mapping[str, tuple[str, ...]], groups: Iterable[str] | None,
 class Geometry:
     """Position and plane of every superpixel in camera coordinates.
 
-    Superpixels without any depth take the border-weighted mean depth of their neighbours, so that no zero poses as a
-    distance; the column `missing_depth` tells them apart.
+    Superpixels without any depth get the border-weighted mean depth of their neighbours, so that a zero is not mistaken
+    for a distance. The column `missing_depth` identifies them.
 
     Attributes:
         centroid: float64 [N, 3], mean of the points, metres (X right, Y down, Z forward).
@@ -151,17 +151,17 @@ class Geometry:
 def _centroids_and_planes(  # type: ignore[no-untyped-def]
     sums, depth, camera, matrix, axes, centroids, normals, residuals
 ):
-    """Write what `Geometry` holds.
+    """Compute the attributes of `Geometry`.
 
     Args:
-        sums: float64 [N, 19], as of `sgbd.regions.Regions`.
-        depth: float64 [N], metres, of the superpixels without any depth.
+        sums: float64 [N, 19], see `sgbd.regions.Regions`.
+        depth: float64 [N], metres; used for superpixels without any depth.
         camera: float64 [4], fx, fy, cx, cy.
-        matrix: float64 [3, 3] to work in.
-        axes: float64 [3, 3] to work in.
-        centroids: float64 [N, 3], written.
-        normals: float64 [N, 3], written.
-        residuals: float64 [N] of zeros, written.
+        matrix: float64 [3, 3], workspace.
+        axes: float64 [3, 3], workspace.
+        centroids: float64 [N, 3], output.
+        normals: float64 [N, 3], output.
+        residuals: float64 [N] of zeros, output.
     """
     for region in range(len(sums)):
         total, centroid, normal = sums[region], centroids[region], normals[region]
@@ -173,7 +173,7 @@ def _centroids_and_planes(  # type: ignore[no-untyped-def]
             x = (total[COLUMN] / pixels - camera[2]) / camera[0] * z
             y = (total[ROW] / pixels - camera[3]) / camera[1] * z
         centroid[0], centroid[1], centroid[2] = x, y, z
-        # A plane needs three points; with fewer the superpixel is taken to face the camera.
+        # A plane needs three points. With fewer, assume that the superpixel faces the camera.
         if valid < 3:
             distance = np.sqrt(x * x + y * y + z * z)
             distance = 1e-9 if distance < 1e-9 else distance
@@ -200,10 +200,10 @@ def _centroids_and_planes(  # type: ignore[no-untyped-def]
 
 @compiled
 def _diagonalize(matrix, axes):  # type: ignore[no-untyped-def]
-    """Turn a symmetric 3 x 3 matrix into its eigenvalues on the diagonal, and `axes` into its unit eigenvectors.
+    """Diagonalise a symmetric 3 x 3 matrix in place, and write its unit eigenvectors to the columns of `axes`.
 
-    Jacobi's rotations (Golub and Van Loan, "Matrix computations", section 8.5): for matrices this small faster than a
-    call of LAPACK for each, and as exact.
+    Uses Jacobi rotations (Golub and Van Loan, "Matrix computations", section 8.5). For matrices this small they are
+    faster than one LAPACK call per matrix, and as accurate.
     """
     for row in range(3):
         for column in range(3):
@@ -263,7 +263,7 @@ def node_features(frame: Frame, regions: Regions, geometry: Geometry) -> npt.NDA
         geometry: Positions and planes of its superpixels.
 
     Returns:
-        float32 [N, F], columns as `NODE_NAMES`.
+        float32 [N, F], columns as in `NODE_NAMES`.
     """
     camera = frame.camera
     features = np.empty((len(regions.sums), NODE_WIDTH), np.float32)
@@ -328,7 +328,7 @@ def _node_features(  # type: ignore[no-untyped-def]
 
 @compiled
 def _slope(depth, row, column, down, right, focal):  # type: ignore[no-untyped-def]
-    """Slope of the depth at a pixel, metres a metre, by central differences; 0 where depth is missing."""
+    """Return the slope of the depth at a pixel, metres per metre, by central differences; 0 if depth is missing."""
     height, width = depth.shape
     first_row, last_row = row if row < down else row - down, row if row + down >= height else row + down
     first_column, last_column = (
@@ -347,16 +347,16 @@ def _slope(depth, row, column, down, right, focal):  # type: ignore[no-untyped-d
 def edge_features(
     pairs: Pairs, borders: Borders, regions: Regions, geometry: Geometry
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """Compute all edge features, both ways.
+    """Compute all edge features in both directions.
 
     Args:
-        pairs: int64 [2, E], i < j; pairs without a common border have a border of length 0.
+        pairs: int64 [2, E], i < j; pairs without a common border have border length 0.
         borders: Sums over the borders.
         regions: Sums over the superpixels.
         geometry: Positions and planes of the superpixels.
 
     Returns:
-        float32 [E, D] of the edges i to j, and float32 [E, D] of the edges j to i; columns as `EDGE_NAMES`.
+        float32 [E, D] for the edges i to j and float32 [E, D] for the edges j to i; columns as in `EDGE_NAMES`.
     """
     sums = sums_of_pairs(pairs, borders)
     forward, backward = np.empty((2, pairs.shape[1], EDGE_WIDTH), np.float32)
@@ -393,7 +393,7 @@ def _edge_features(pairs, borders, sums, centroids, normals, forward, backward):
         there[AT_GRADIENT] = border[COLOR_STEP] / pixels / 255
         there[AT_CONVEXITY] = bend / (1e-9 if distance < 1e-9 else distance)
         there[AT_CONVEXITY + 1] = agreement
-        # Logarithms with the sign of the distance.
+        # Signed logarithms of the signed distances.
         above_i, above_j = above_i / DISTANCE_UNIT, above_j / DISTANCE_UNIT
         there[AT_CONVEXITY + 2] = np.sign(above_i) * np.log1p(abs(above_i))
         there[AT_CONVEXITY + 3] = np.sign(above_j) * np.log1p(abs(above_j))
@@ -401,19 +401,19 @@ def _edge_features(pairs, borders, sums, centroids, normals, forward, backward):
         there[AT_DISTANCE + 1] = np.sqrt(color_distance)
         for column in range(EDGE_WIDTH):
             back[column] = there[column]
-        # Seen from the other end, the planes change places.
+        # In the reverse direction, the two plane distances are swapped.
         back[AT_CONVEXITY + 2], back[AT_CONVEXITY + 3] = there[AT_CONVEXITY + 3], there[AT_CONVEXITY + 2]
 
 
 def sums_of_pairs(pairs: Pairs, borders: Borders) -> npt.NDArray[np.float64]:
-    """Look up the border sums of pairs; zeros for pairs without a common border.
+    """Look up the border sums of pairs, with zeros for pairs without a common border.
 
     Args:
         pairs: int64 [2, E], i < j.
         borders: Sums over the borders.
 
     Returns:
-        float64 [E, 5], as `Borders.sums`.
+        float64 [E, 5], columns as in `Borders.sums`.
     """
     if pairs.shape == borders.pairs.shape and (pairs == borders.pairs).all():
         return borders.sums

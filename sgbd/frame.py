@@ -11,20 +11,20 @@ import numpy as np
 import numpy.typing as npt
 
 BACKGROUND = 0
-"""Truth id of pixels that belong to nothing of interest."""
+"""Ground-truth id of pixels that belong to nothing of interest."""
 SUPPORT = 1
-"""Truth id of the supporting surface (table, floor). Larger ids are objects."""
+"""Ground-truth id of the supporting surface (table, floor). Larger ids are objects."""
 IGNORE = -1
-"""Truth id of pixels that count neither for training nor for evaluation."""
+"""Ground-truth id of pixels that are ignored in training and evaluation."""
 
 MILLIMETERS = 0.001
 
 NEAREST = 0.01
-"""Metres. A frame most of which is nearer was given in another unit; no depth camera sees that near."""
+"""Metres. If most of a frame is nearer, its depth is in another unit: no depth camera measures that near."""
 FARTHEST = 100.0
-"""Metres. A frame most of which is farther away was given in another unit."""
+"""Metres. If most of a frame is farther away, its depth is in another unit."""
 USUAL = (0.2, 10.0)
-"""Metres. Depth cameras see few scenes most of which are nearer or farther away, and other units many."""
+"""Metres. If most of a frame is outside this range, its depth is probably in another unit."""
 
 
 log = logging.getLogger(__name__)
@@ -53,13 +53,13 @@ class Intrinsics:
     cy: float
 
     def __post_init__(self) -> None:
-        """Reject cameras that cannot project, and take numbers of any kind as floats.
+        """Validate the camera and convert all values to floats.
 
-        Compiled functions are compiled once for every type that they meet, which takes seconds: integers and NumPy's
-        scalars would each be a type of their own.
+        Numba compiles a function again for every new argument type, which takes seconds. Integers and NumPy scalars
+        would be such types.
 
         Raises:
-            FrameError: If a focal length is not positive or a value is no finite number.
+            FrameError: If a focal length is not positive or a value is not a finite number.
         """
         for name in ("fx", "fy", "cx", "cy"):
             try:
@@ -78,19 +78,19 @@ class Intrinsics:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One RGB-D image, with ground truth where there is any.
+    """One RGB-D image, with ground truth if available.
 
     Attributes:
         rgb: uint8 [H, W, 3], 0 to 255.
         depth: float32 [H, W], metres along the optical axis; 0 = missing. On construction, unsigned integers are
             taken as millimetres and floats as metres, and NaN, infinite and negative values become 0.
-        intrinsics: The camera, if it is known.
+        intrinsics: The camera; None if unknown.
         instances: int32 [H, W]: -1 ignore, 0 background, 1 supporting surface, 2 and more objects.
         categories: Category name of each instance id.
-        name: What to call the frame in reports and file names.
+        name: Name of the frame in reports and file names.
 
     Raises:
-        FrameError: On construction, if the arrays cannot be read as such a frame.
+        FrameError: On construction, if the arrays are not a valid frame.
     """
 
     rgb: npt.NDArray[np.uint8]
@@ -101,7 +101,7 @@ class Frame:
     name: str = ""
 
     def __post_init__(self) -> None:
-        """Check the arrays and bring them to the documented dtypes."""
+        """Validate the arrays and convert them to the documented dtypes."""
         label = f"frame {self.name!r}" if self.name else "frame"
         if self.intrinsics is not None and not isinstance(self.intrinsics, Intrinsics):
             raise FrameError(
@@ -135,7 +135,7 @@ class Frame:
 
     @property
     def camera(self) -> Intrinsics:
-        """The intrinsics, or `Intrinsics.default` where they are unknown."""
+        """The intrinsics, or `Intrinsics.default` if they are unknown."""
         return self.intrinsics or Intrinsics.default(self.width, self.height)
 
 
@@ -163,8 +163,8 @@ def _checked_rgb(rgb: npt.ArrayLike, label: str) -> npt.NDArray[np.uint8]:
         )
     if array.shape[0] == 0 or array.shape[1] == 0:
         raise FrameError(f"{label}: rgb holds no pixels (shape {array.shape})")
-    # Whoever wraps a message or a file's bytes has an array that cannot be written, for which Numba would compile every
-    # function once more; a copy takes a fraction of a millisecond.
+    # Arrays that wrap a message or the bytes of a file are read-only, a type for which Numba would compile every
+    # function again. Copying takes a fraction of a millisecond.
     return np.require(array, requirements=["C", "W"])
 
 
@@ -194,7 +194,7 @@ def _checked_depth(depth: npt.ArrayLike, shape: tuple[int, ...], label: str) -> 
         meters = array.astype(np.float32)
     else:
         raise FrameError(f"{label}: depth must be uint16 millimetres or float metres; got {array.dtype}")
-    # NaN compares as neither. Unsigned integers are never anything else than missing or valid.
+    # NaN fails both comparisons. Unsigned integers cannot be negative, NaN or infinite.
     valid = meters > 0 if array.dtype.kind == "u" else (meters > 0) & (meters < np.inf)
     count = np.count_nonzero(valid)
     if not count:
@@ -210,7 +210,7 @@ def _checked_depth(depth: npt.ArrayLike, shape: tuple[int, ...], label: str) -> 
 
 
 def _judge_unit(median: float, label: str) -> None:
-    """Refuse a median depth that no camera sees, and tell once a process of one that few do."""
+    """Reject a median depth that no camera measures; warn, once per process, of one that is rare."""
     if median < NEAREST:
         raise FrameError(
             f"{label}: the median depth is {1000 * median:.2g} mm. "

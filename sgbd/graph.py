@@ -1,4 +1,4 @@
-"""From a frame and its superpixels to a PyG graph, and from there to NetworkX."""
+"""The superpixel graph of a frame as PyG `Data`, and its conversion to NetworkX."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sgbd.features import EDGE_NAMES, NODE_NAMES
 from sgbd.frame import Frame
 from sgbd.graph_arrays import CUT, MERGE, UNKNOWN, GraphArrays, graph_arrays, overlap_table
 
-if TYPE_CHECKING:  # imported where they are needed: to import PyG takes seconds and hundreds of MiB
+if TYPE_CHECKING:  # imported in the functions that need them: importing PyG takes seconds and hundreds of MiB
     import networkx as nx
     from torch import Tensor
     from torch_geometric.data import Data
@@ -33,13 +33,13 @@ class GraphBuilder:
     """Builds the graph of one frame; see `build_graph`.
 
     Args:
-        adjacency: Which superpixels are paired: `sgbd.adjacency.border_pairs`, `sgbd.adjacency.bounding_box_pairs`, or
-            any function of the same form.
+        adjacency: Finds the pairs of adjacent superpixels: `sgbd.adjacency.border_pairs`,
+            `sgbd.adjacency.bounding_box_pairs`, or any function with the same signature.
     """
 
     def __init__(self, adjacency: Adjacency = border_pairs) -> None:
-        # A configuration names a function by a partial without arguments; only the function itself is recognised as the
-        # adjacency that the pass over the borders gives anyway.
+        # A configuration gives the function as a partial without arguments. Unwrap it: `graph_arrays` recognises
+        # `border_pairs` itself, whose pairs it already has from the pass over the borders.
         bare = isinstance(adjacency, functools.partial) and not (adjacency.args or adjacency.keywords)
         self.adjacency: Adjacency = adjacency.func if bare else adjacency  # type: ignore[attr-defined]
 
@@ -57,11 +57,11 @@ class GraphBuilder:
 
 
 def array_builder(graph: object) -> Callable[..., GraphArrays] | None:
-    """Return what builds a frame's graph without PyG, or None if there is no such thing.
+    """Return the method that builds a frame's graph without PyG, or None if the builder has none.
 
     Args:
-        graph: Frame and label map to graph. A builder of this package has a method `arrays`; that of a user's subclass
-            may not do what its `__call__` does, and is not returned.
+        graph: Graph builder. Builders of this package have a method `arrays`. A user's subclass may override only
+            `__call__`, so its `arrays` is not returned.
     """
     if not type(graph).__module__.startswith("sgbd."):
         return None
@@ -76,50 +76,51 @@ def build_graph(
     *,
     store_maps: bool = True,
 ) -> Data:
-    """Build the superpixel graph of a frame, with all features, and with labels where the frame has instances.
+    """Build the superpixel graph of a frame with all features, and with labels if the frame has ground truth.
 
     Args:
         frame: The frame.
         label_map: int32 [H, W], ids 0..N-1, each present.
-        adjacency: Label map to pairs of superpixels.
-        category_names: All categories of the dataset; the categories of the frame's instances are stored as 1-based
-            positions in it.
-        store_maps: Pack the label map and the truth into the graph, for evaluation and pictures.
+        adjacency: Finds the pairs of adjacent superpixels in a label map.
+        category_names: All categories of the dataset. The category of each instance is stored as its 1-based position
+            in this list.
+        store_maps: Whether to pack the label map and the ground-truth instances into the graph, for evaluation and
+            pictures.
 
     Returns:
         A plain `Data` with
 
-        - x: float32 [N, F], node features, columns as `sgbd.features.NODE_NAMES`.
-        - edge_index: int64 [2, 2E], the E pairs i < j, then the same reversed.
-        - edge_attr: float32 [2E, D], edge features, columns as `sgbd.features.EDGE_NAMES`.
+        - x: float32 [N, F], node features, columns as in `sgbd.features.NODE_NAMES`.
+        - edge_index: int64 [2, 2E], the E pairs with i < j, then the same pairs reversed.
+        - edge_attr: float32 [2E, D], edge features, columns as in `sgbd.features.EDGE_NAMES`.
         - edge_label_index: int64 [2, E], each pair once, i < j: the first half of `edge_index`.
         - border_length: float32 [E], pixels; 0 for pairs that do not touch.
         - area: int64 [N], pixels.
         - image_size: int64 [1, 2], height and width.
         - name: the frame's name.
-        - label_map: uint8 [B], the packed label map (`sgbd.label_map.unpack`), unless `store_maps` is off.
+        - label_map: uint8 [B], the packed label map (`sgbd.label_map.unpack`), if `store_maps`.
 
-        and, for a frame with instances,
+        and, for a frame with ground truth,
 
-        - edge_label: float32 [E], 1 both ends belong to the same instance (background and supporting surface count as
-          instances), 0 they don't, -1 unknown, because an end lies mostly in ignored pixels.
-        - node_instance: int64 [N], the instance with most pixels in the superpixel, the smaller id if several have;
-          -1 unknown, where more than half of its pixels are ignored.
-        - overlap_index, overlap_instance, overlap_count: int64 [M], superpixel, instance, and pixels they share;
-          ignored pixels are left out.
-        - instance_id, instance_category: int64 [K], the instances of the frame and the position of their category in
-          `category_names`, counted from 1; 0 none.
-        - truth_map: uint8 [B'], the packed instances, unless `store_maps` is off.
+        - edge_label: float32 [E], 1 if both superpixels belong to the same instance (background and supporting surface
+          count as instances), 0 if not, -1 unknown, if more than half of either superpixel is ignored.
+        - node_instance: int64 [N], the instance with the most pixels in the superpixel (ties go to the smaller id); -1
+          unknown, if more than half of its pixels are ignored.
+        - overlap_index, overlap_instance, overlap_count: int64 [M], superpixel, instance and the number of pixels they
+          share; ignored pixels are not counted.
+        - instance_id, instance_category: int64 [K], the instances of the frame and the 1-based position of their
+          category in `category_names`; 0 if they have none.
+        - truth_map: uint8 [B'], the packed instances, if `store_maps`.
 
     Raises:
-        ValueError: If the label map is not of the frame's size, or an instance has a category that is not in
-            `category_names`.
+        ValueError: If the label map does not have the frame's size or skips ids, or an instance has a category that is
+            not in `category_names`.
     """
     return as_data(graph_arrays(frame, label_map, adjacency, category_names, store_maps=store_maps))
 
 
 def as_data(graph: GraphArrays) -> Data:
-    """Return a graph of arrays as PyG's `Data`, whose tensors share the arrays' memory."""
+    """Convert a graph of NumPy arrays to PyG `Data`; the tensors share the arrays' memory."""
     import torch
     from torch_geometric.data import Data
 
@@ -129,7 +130,7 @@ def as_data(graph: GraphArrays) -> Data:
 
 
 def edge_positions(edge_index: Tensor, pairs: Tensor, num_nodes: int) -> Tensor:
-    """Find where directed pairs stand in `edge_index`, and so in `edge_attr`.
+    """Find the positions of directed pairs in `edge_index`, and thus in `edge_attr`.
 
     Args:
         edge_index: int64 [2, 2E].
@@ -140,7 +141,7 @@ def edge_positions(edge_index: Tensor, pairs: Tensor, num_nodes: int) -> Tensor:
         int64 [P].
 
     Raises:
-        ValueError: If a pair is no edge of the graph.
+        ValueError: If a pair is not an edge of the graph.
     """
     import torch
 
@@ -158,15 +159,16 @@ def edge_positions(edge_index: Tensor, pairs: Tensor, num_nodes: int) -> Tensor:
 
 
 def to_networkx(data: Data) -> nx.Graph:
-    """Give the graph to NetworkX, for analysis.
+    """Convert a graph to NetworkX, for analysis.
 
     Args:
         data: A graph of `build_graph`, with any selection of feature columns.
 
     Returns:
-        An undirected graph. Nodes have `x` (a list of features; the named columns where all are there), `area` and,
-        with truth, `instance`. Edges have `edge_attr` of the direction i to j, i < j (named columns where all are
-        there), `border_length` and, with truth, `label`. The graph has `name`, `height` and `width`.
+        An undirected graph. Nodes have the attributes `x` (a list of features), `area` and, with ground truth,
+        `instance`. Edges have `edge_attr` (of the direction i to j, i < j), `border_length` and, with ground truth,
+        `label`. If no feature column was dropped, every feature is also an attribute under its own name. The graph has
+        `name`, `height` and `width`.
     """
     import networkx as nx
 

@@ -1,7 +1,7 @@
-"""The superpixel graph of a frame as NumPy arrays: the part of `sgbd.graph.build_graph` without PyTorch and PyG.
+"""The superpixel graph of a frame as NumPy arrays: `sgbd.graph.build_graph` without PyTorch and PyG.
 
-Preparation workers, and robots that segment, build thousands of graphs. Without this module they would have to load
-large libraries and keep them in memory, only to use a container.
+Preparation workers and robots build thousands of graphs. This module saves them from loading large libraries, and
+keeping these in memory, only for a container class.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MERGE, CUT, UNKNOWN = 1.0, 0.0, -1.0
 """Values of `edge_label`."""
 
 GraphArrays = dict[str, npt.NDArray[Any] | str]
-"""Fields of a graph by name, in the order and form that `sgbd.graph.build_graph` describes."""
+"""Fields of a graph by name, in the order and format described in `sgbd.graph.build_graph`."""
 
 
 def graph_arrays(
@@ -37,8 +37,8 @@ def graph_arrays(
 ) -> GraphArrays:
     """Build the superpixel graph of a frame.
 
-    Arguments, fields and errors are those of `sgbd.graph.build_graph`. A caller that has a use for
-    the sums over the pixels, too, gives what `region_and_border_sums` said as `sums`.
+    Arguments, fields and errors are those of `sgbd.graph.build_graph`. A caller that has already computed
+    `region_and_border_sums` can pass the result as `sums`.
     """
     if label_map.shape != frame.depth.shape:
         raise ValueError(
@@ -104,14 +104,14 @@ def _truth(
 def overlap_table(
     label_map: LabelMap, instances: npt.NDArray[np.int32]
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Count the pixels that every superpixel shares with every instance; ignored pixels are left out.
+    """Count the pixels that every superpixel shares with every instance, without ignored pixels.
 
     Args:
         label_map: int32 [H, W], ids 0..N-1.
         instances: int32 [H, W], -1 ignore.
 
     Returns:
-        Superpixel, instance and number of pixels, int64 [M] each, sorted by superpixel, then by instance.
+        Superpixel, instance and number of shared pixels, int64 [M] each, sorted by superpixel, then by instance.
     """
     counted = instances != IGNORE
     width = int(instances.max(initial=0)) + 1

@@ -1,7 +1,7 @@
-"""Statistics of every superpixel and of every border between two, from one pass over the pixels.
+"""Statistics of every superpixel and of every border between two superpixels, from one pass over the pixels.
 
-The pass is implemented twice: as compiled loops, used wherever Numba is installed, and as NumPy expressions, used
-elsewhere and as the reference in the tests of the loops.
+The pass is implemented twice: as compiled loops, used if Numba is installed, and in NumPy, used otherwise and as the
+reference in the tests.
 """
 
 from __future__ import annotations
@@ -18,17 +18,18 @@ from sgbd.frame import Frame
 from sgbd.machine.compiled import HAS_NUMBA, compiled
 from sgbd.machine.side_by_side import bands, side_by_side, thread_count
 
-# Columns of the sums over a region's pixels. Those from VALID on count only pixels with depth.
+# Columns of the sums over a region's pixels. Columns from VALID on only include pixels with depth.
 PIXELS, RGB, RGB_SQUARED, ROW, COLUMN, VALID, XYZ, XYZ_SQUARED = 0, 1, 4, 7, 8, 9, 10, 13
 SUMS = 19
 
-# Columns of the sums over a border's pixel pairs. Those from VALID_PAIRS on count only pairs with depth on both sides.
+# Columns of the sums over a border's pixel pairs. Columns from VALID_PAIRS on only include pairs with depth on both
+# sides.
 PAIRS, COLOR_STEP, VALID_PAIRS, DEPTH_STEP, DEPTH_STEP_MIN = range(5)
 BORDER_SUMS = 5
 
 MOMENT_PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
-# Connected regions in a plane have fewer than three borders each. Only ids that lie about in pieces have more.
+# A planar graph has fewer than three edges per node. Only disconnected regions can exceed this.
 BORDERS_PER_REGION = 3
 
 
@@ -37,11 +38,11 @@ class Regions:
     """Sums over the pixels of every superpixel.
 
     Attributes:
-        sums: float64 [N, 19], columns as named by the constants of this module: pixel count; sums of red, green, blue
-            (0 to 255) and of their squares; of rows and columns; and over the pixels with depth: their count, sums of
-            the camera coordinates X, Y, Z (metres) and of their six products XX, XY, XZ, YY, YZ, ZZ.
-        nearest: Smallest depth of the frame, metres; 0 where no pixel has depth.
-        farthest: Largest depth of the frame, metres.
+        sums: float64 [N, 19], columns named by the constants of this module: pixel count; sums of red, green and blue
+            (0 to 255), of their squares, of rows and of columns; then, over the pixels with depth, their count, the
+            sums of the camera coordinates X, Y, Z (metres) and of their six products XX, XY, XZ, YY, YZ, ZZ.
+        nearest: Smallest depth of the frame, metres; 0 if no pixel has depth.
+        farthest: Largest depth of the frame, metres; 0 if no pixel has depth.
     """
 
     sums: npt.NDArray[np.float64]
@@ -55,18 +56,19 @@ class Regions:
 
     @property
     def valid(self) -> npt.NDArray[np.float64]:
-        """Pixels with depth of every superpixel, float64 [N]."""
+        """Number of pixels with depth of every superpixel, float64 [N]."""
         return self.sums[:, VALID]
 
 
 @dataclass(frozen=True)
 class Borders:
-    """Sums over the pixel pairs on both sides of every border.
+    """Sums over the adjacent pixel pairs across every border.
 
     Attributes:
         pairs: int64 [2, E], the superpixels on both sides, i < j, sorted.
         sums: float64 [E, 5]: number of pixel pairs; sum of their colour distances (Euclidean, RGB 0 to 255); number of
-            pairs with depth on both sides; over those, sum and minimum of the depth steps (metres, 0 where none).
+            pairs with depth on both sides; sum and minimum of the depth steps of those pairs (metres, 0 if there are
+            none).
     """
 
     pairs: Pairs
@@ -74,14 +76,14 @@ class Borders:
 
 
 def region_and_border_sums(frame: Frame, label_map: LabelMap) -> tuple[Regions, Borders]:
-    """Sum colours, positions and camera coordinates over every superpixel, and steps over every border between two.
+    """Sum colours, positions and camera coordinates over superpixels, and colour and depth steps over borders.
 
     Args:
         frame: The frame.
         label_map: int32 [H, W], ids 0..N-1.
 
     Returns:
-        The sums of each superpixel, and every pair of superpixels with a common border with its sums.
+        The sums of each superpixel; the pairs of superpixels that share a border, and the sums of each border.
     """
     count = int(label_map.max()) + 1
     camera = np.array([frame.camera.fx, frame.camera.fy, frame.camera.cx, frame.camera.cy])
@@ -106,8 +108,8 @@ def _sums(
     upper, lower = bands(len(label_map), 2)
     width = label_map.shape[1]
     slopes = (np.arange(width) - camera[2]) / camera[0]
-    # Every sum of depths is taken by one thread, in one order, in columns of its own. Those of colours are exact in any
-    # order, so that they are done in two halves, which leaves two threads with as much to do.
+    # Depth sums depend on the order of summation, so a single thread computes them, in its own columns. Colour sums are
+    # exact in any order, so they are split into two halves, which balances the load of two threads.
     depth_range, borders, _, _ = side_by_side(
         [
             partial(_sum_depths, label_map, depth, camera, slopes, np.empty(width, np.int64), regions),
@@ -127,7 +129,7 @@ def _borders(
     limit = BORDERS_PER_REGION * count
     right, down = np.empty((2, label_map.shape[1]), np.int64)
     while True:
-        # At most half full.
+        # Keep the hash table at most half full.
         table = np.full(max(16, 1 << (2 * limit - 1).bit_length()), -1)
         keys, sums = np.empty(limit, np.int64), np.zeros((limit, BORDER_SUMS))
         used = _sum_borders(label_map, rgb, depth, count, right, down, table, keys, sums)
@@ -138,17 +140,17 @@ def _borders(
 
 @compiled
 def _find_steps(ids, others, count, steps):  # type: ignore[no-untyped-def]
-    """Find where a step leads into another superpixel, without a branch.
+    """Find the pixels of a row whose right or lower neighbour belongs to another superpixel, without branching.
 
     Args:
         ids: int32 [W], a row of the label map.
-        others: int32 [count at the least], where a step leads to from each: the row from its second pixel on, or the
-            row below.
-        count: Steps to look at.
-        steps: int64 [W], written: the columns that such steps start from.
+        others: int32 [at least count], the neighbour of each pixel: the same row from its second pixel on, or the row
+            below.
+        count: Number of pixels to check.
+        steps: int64 [W], output: the columns of these pixels.
 
     Returns:
-        How many there are.
+        The number of these pixels.
     """
     found = np.int64(0)
     for column in range(count):
@@ -159,15 +161,15 @@ def _find_steps(ids, others, count, steps):  # type: ignore[no-untyped-def]
 
 @compiled(fastmath={"reassoc", "contract", "nsz"})
 def _sum_colors(label_map, rgb, right, regions, top, bottom):  # type: ignore[no-untyped-def]
-    """Sum up the columns of `Regions.sums` before VALID over the rows `top` to `bottom` - 1.
+    """Add rows `top` to `bottom` - 1 to the columns of `Regions.sums` before VALID.
 
-    They are whole numbers and halves, exact in any order.
+    All terms are multiples of 1/2, so the sums are exact in any order.
     """
     width = label_map.shape[1]
     for row in range(top, bottom):
         ids, colors = label_map[row], rgb[row]
         rights = _find_steps(ids, ids[1:], width - 1, right)
-        # Pixels of one superpixel come in runs: sum a run in registers, then add it once.
+        # Sum each run of pixels of one superpixel in registers, then add it once.
         first = 0
         for run in range(rights + 1):
             last = right[run] if run < rights else width - 1
@@ -196,14 +198,14 @@ def _sum_colors(label_map, rgb, right, regions, top, bottom):  # type: ignore[no
 
 @compiled(fastmath={"reassoc", "contract", "nsz"})
 def _sum_depths(label_map, depth, camera, x_slopes, right, regions):  # type: ignore[no-untyped-def]
-    """Sum up the columns of `Regions.sums` from VALID on, and return the smallest and largest depth."""
+    """Fill the columns of `Regions.sums` from VALID on, and return the smallest and the largest depth."""
     height, width = label_map.shape
     nearest, farthest = np.inf, 0.0
     for row in range(height):
         ids, line = label_map[row], depth[row]
         rights = _find_steps(ids, ids[1:], width - 1, right)
-        # Missing depth is 0 and adds nothing but to the count; Y is y_slope * Z throughout the row, so that its sums
-        # need no loop.
+        # Missing depth is 0 and adds nothing to the sums. Y is y_slope * Z throughout a row, so the sums of Y follow
+        # from those of Z.
         y_slope = (row - camera[3]) / camera[1]
         first = 0
         for run in range(rights + 1):
@@ -238,21 +240,21 @@ def _sum_depths(label_map, depth, camera, x_slopes, right, regions):  # type: ig
 
 @compiled(fastmath={"reassoc", "contract", "nsz"})
 def _sum_borders(label_map, rgb, depth, count, right, down, table, keys, borders):  # type: ignore[no-untyped-def]
-    """Sum over borders.
+    """Compute the sums of `Borders` with a hash table.
 
     Args:
         label_map: int32 [H, W].
         rgb: uint8 [H, W, 3].
         depth: float32 [H, W].
         count: Number of superpixels.
-        right: int64 [W] to work in.
-        down: int64 [W] to work in.
-        table: int64 [a power of two] of -1 to work in: a hash table from the keys of borders to rows of their sums.
-        keys: int64 [limit], written: i * count + j of each border.
-        borders: float64 [limit, 5] of zeros, written: its sums.
+        right: int64 [W], workspace.
+        down: int64 [W], workspace.
+        table: int64 [a power of two] of -1, workspace: hash table from border keys to rows of `borders`.
+        keys: int64 [limit], output: i * count + j of each border.
+        borders: float64 [limit, 5] of zeros, output: the sums of each border.
 
     Returns:
-        The number of borders; one above the limit says that they did not fit.
+        The number of borders, or limit + 1 if there are more than `limit`.
     """
     height, width = label_map.shape
     limit, slots = len(keys), len(table) - 1
@@ -268,7 +270,7 @@ def _sum_borders(label_map, rgb, depth, count, right, down, table, keys, borders
             next_row, next_column = row + is_down, column + 1 - is_down
             a, b = np.int64(ids[column]), np.int64(label_map[next_row, next_column])
             key = a * count + b if a < b else b * count + a
-            # Steps side by side mostly cross the same border.
+            # Consecutive steps mostly cross the same border.
             if key != last_key:
                 last_key = key
                 slot = (key * 0x9E3779B1 >> 7) & slots
@@ -306,7 +308,7 @@ def sum_regions_numpy(
     camera: npt.NDArray[np.float64],
     count: int,
 ) -> tuple[npt.NDArray[np.float64], tuple[float, float]]:
-    """Sum over regions with one `numpy.bincount` a column; see `Regions` for the sums, and the range of the depth."""
+    """Compute `Regions.sums` with one `numpy.bincount` per column, and the smallest and the largest depth."""
     fx, fy, cx, cy = camera
     rows, columns = np.indices(label_map.shape, dtype=np.float64)
     z = depth.astype(np.float64)
@@ -335,7 +337,7 @@ def sum_borders_numpy(
     depth: npt.NDArray[np.float32],
     count: int,
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
-    """Sum over borders with shifted comparison; keys i * N + j [E] and sums as of `Borders`, in order of the keys."""
+    """Compare shifted label maps; return keys i * N + j [E], sorted, and `Borders.sums` in the same order."""
     keys, color_steps, depths = [], [], []
     for first, second in (
         (np.s_[:, :-1], np.s_[:, 1:]),

@@ -1,4 +1,4 @@
-"""From the classified edges of a graph to instances: the last step, shared by validation, evaluation and prediction."""
+"""From classified edges to instances: the last step, shared by validation, evaluation and prediction."""
 
 from __future__ import annotations
 
@@ -24,10 +24,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Classification:
-    """What the networks say of one graph.
+    """The outputs of the networks for one graph.
 
     Attributes:
-        edge_probability: float32 [E], probability that both ends of each pair of `edge_label_index` belong together.
+        edge_probability: float32 [E], merge probability: that both superpixels of each pair of `edge_label_index`
+            belong to the same instance.
         objectness: float32 [N], probability that each superpixel belongs to an object; None without an objectness head.
     """
 
@@ -37,43 +38,43 @@ class Classification:
 
 @torch.inference_mode()
 def classify(model: nn.Module, objectness: nn.Module | None, data: Data | GraphTensors) -> Classification:
-    """Run the networks on one graph, on the device that they are on.
+    """Run the networks on one graph, on the device of the networks.
 
     Args:
         model: An edge classifier in evaluation mode.
-        objectness: An objectness head in evaluation mode, or None; on the same device.
-        data: One graph, on any device; it stays there.
+        objectness: An objectness head in evaluation mode on the same device, or None.
+        data: One graph on any device, where it stays.
 
     Returns:
-        Probabilities of all its edges and superpixels.
+        Probabilities of all edges and superpixels.
     """
 
     def probability(logits: Tensor) -> npt.NDArray[np.float32]:
         return torch.sigmoid(logits).float().cpu().numpy()
 
-    # A copy of the container: PyG moves a graph in place.
+    # PyG moves a graph in place, so move a shallow copy.
     moved = copy.copy(data).to(_device_of(model))
     return Classification(probability(model(moved)), None if objectness is None else probability(objectness(moved)))
 
 
 def _device_of(model: nn.Module) -> torch.device:
-    """Return where a model's weights lie; the CPU for one without any."""
+    """Return the device of a model's weights, or the CPU if it has none."""
     weight = next(chain(model.parameters(), model.buffers()), None)
     return torch.device("cpu") if weight is None else weight.device
 
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """A partition of the superpixels, with what is known of each of its S segments.
+    """A partition of the superpixels into S segments, with properties of each segment.
 
     Attributes:
         segment: int64 [N], the segment of each superpixel, 0..S-1.
         area: int64 [S], pixels.
         objectness: float32 [S], mean objectness over the segment's pixels; 1 without an objectness head.
-        score: float32 [S], with a calibration the probability that its intersection over union with a true object is
-            above 0.75; without one a confidence that it is one whole object: its objectness times the mean probability,
-            weighted by border length, that its inner edges merge and its outer edges cut.
-        is_object: bool [S], whether the segment is taken for an object.
+        score: float32 [S]. With a calibration: the probability that the intersection over union with a true object is
+            above 0.75. Without: a confidence that the segment is one whole object, namely its objectness times the mean
+            probability, weighted by border length, that its inner edges merge and its outer edges cut.
+        is_object: bool [S], whether the segment is classified as an object.
     """
 
     segment: npt.NDArray[np.int64]
@@ -85,27 +86,27 @@ class Segments:
 
 @dataclass(frozen=True)
 class ObjectRule:
-    """Which segments are objects.
+    """The rule that decides which segments are objects.
 
     Attributes:
-        min_objectness: Smallest mean objectness of an object, 0 to 1.
-        min_area: Smallest area of an object, pixels.
+        min_objectness: Minimum mean objectness of an object, 0 to 1.
+        min_area: Minimum area of an object, pixels.
     """
 
     min_objectness: float = 0.5
     min_area: int = 0
 
     def __post_init__(self) -> None:
-        """Check the numbers.
+        """Validate the thresholds.
 
         Raises:
-            ValueError: If a number is out of its range.
+            ValueError: If a threshold is out of range.
         """
         if not 0 <= self.min_objectness <= 1 or self.min_area < 0:
             raise ValueError(f"objects.min_objectness must lie in 0..1 and objects.min_area be at least 0; got {self}")
 
     def accepts(self, objectness: npt.NDArray[np.floating], area: npt.NDArray[np.number]) -> npt.NDArray[np.bool_]:
-        """Say of each segment whether it is an object.
+        """Decide for each segment whether it is an object.
 
         Args:
             objectness: float [S], mean objectness.
@@ -126,7 +127,7 @@ def mean_objectness(
     Args:
         segment: int64 [N], segment of each superpixel, 0..S-1.
         area: [N], pixels of each superpixel.
-        objectness: float [N], of the superpixels; None counts as 1.
+        objectness: float [N], objectness of each superpixel; None counts as 1.
 
     Returns:
         float64 [S].
@@ -145,20 +146,20 @@ def partition_graph(
     rule: ObjectRule,
     calibration: ScoreCalibration | None = None,
 ) -> Segments:
-    """Partition a classified graph and judge its segments.
+    """Partition a classified graph, and score and classify its segments.
 
     Args:
         data: The graph.
-        classification: What the networks say of it.
+        classification: The outputs of the networks for it.
         partition: The partitioner.
-        rule: Which segments are objects.
-        calibration: What makes the scores probabilities; None leaves them the confidences that `Segments` describes.
+        rule: Decides which segments are objects.
+        calibration: Maps segment features to calibrated scores; None keeps the confidences described in `Segments`.
 
     Returns:
         The segments.
 
     Raises:
-        ValueError: If the partitioner gives no segment for each superpixel.
+        ValueError: If the partitioner does not return one segment per superpixel.
     """
     pairs = data.edge_label_index.cpu().numpy()
     length = data.border_length.cpu().numpy()
@@ -173,7 +174,7 @@ def partition_graph(
     count = int(segment.max(initial=-1)) + 1
     segment_area = np.bincount(segment, area, count)
 
-    # Pairs that don't touch (bounding-box adjacency) count like one pixel of border.
+    # Pairs that do not touch (bounding-box adjacency) get the weight of one border pixel.
     weight = np.maximum(length, 1)
     inside = segment[pairs[0]] == segment[pairs[1]]
     right = np.where(inside, probability, 1 - probability) * weight
@@ -203,13 +204,14 @@ class Segmentation:
     """The objects of one frame.
 
     Attributes:
-        instances: int32 [H, W], 0 not an object, 1..K objects, the one with the largest score first.
-        scores: float32 [K], 0 to 1, as `Segments.score`: with a calibration 0.9 means right nine times in ten.
-        objectness: float32 [K], mean probability of its superpixels to belong to an object.
-        superpixels: int32 [H, W], the over-segmentation, ids 0..N-1; of a model of two stages, the first one's
-            segments.
-        edge_index: int64 [2, E], pairs of neighbouring superpixels, i < j.
-        edge_probability: float32 [E], probability that each pair belongs together.
+        instances: int32 [H, W], 0 not an object, 1..K objects in order of descending score.
+        scores: float32 [K], 0 to 1, see `Segments.score`. Calibrated scores are probabilities: of the objects with
+            score 0.9, nine in ten are right.
+        objectness: float32 [K], mean probability that the object's superpixels belong to an object.
+        superpixels: int32 [H, W], the over-segmentation, ids 0..N-1; for a two-stage model, the segments of the first
+            stage.
+        edge_index: int64 [2, E], pairs of adjacent superpixels, i < j.
+        edge_probability: float32 [E], merge probability of each pair.
         from_first_stage: Whether `superpixels` are segments of a first stage.
     """
 
@@ -223,12 +225,12 @@ class Segmentation:
 
     @property
     def kind_of_nodes(self) -> str:
-        """What the nodes of the graph are, for people: "superpixels" or "segments of the first stage"."""
+        """What the nodes of the graph are, in words: "superpixels" or "segments of the first stage"."""
         return "segments of the first stage" if self.from_first_stage else "superpixels"
 
     @property
     def described_nodes(self) -> str:
-        """How many nodes there are, and what they are, such as "212 superpixels"."""
+        """Number and kind of the nodes, such as "212 superpixels"."""
         return f"{int(self.superpixels.max(initial=-1)) + 1} {self.kind_of_nodes}"
 
     def __repr__(self) -> str:
@@ -242,16 +244,16 @@ class Segmentation:
 def paint(
     superpixels: npt.NDArray[np.int32], data: Data | GraphTensors, classification: Classification, segments: Segments
 ) -> Segmentation:
-    """Paint the segments that are objects into the image.
+    """Map the segments that are objects to pixels.
 
     Args:
-        superpixels: int32 [H, W], the label map that the graph was built from.
+        superpixels: int32 [H, W], label map of the graph's nodes.
         data: The graph.
-        classification: What the networks say of it.
+        classification: The outputs of the networks for it.
         segments: Its partition.
 
     Returns:
-        The objects, numbered by falling score; of equal scores the larger object first.
+        The objects, numbered by descending score; ties go to the larger object.
     """
     objects = np.nonzero(segments.is_object)[0]
     objects = objects[np.lexsort((-segments.area[objects], -segments.score[objects]))]

@@ -1,4 +1,4 @@
-"""A trained model with its whole recipe: an RGB-D frame in, a segmentation out."""
+"""A trained model with its complete recipe, which segments RGB-D frames."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 class Segmenter:
     """Segments the objects of RGB-D frames.
 
-    Every step is the one that training and evaluation take, with the settings that the checkpoint carries.
+    It runs the same steps as training and evaluation, with the settings stored in the checkpoint.
 
     Example:
         >>> segmenter = Segmenter.pretrained()  # or Segmenter.load("checkpoint.safetensors")
@@ -42,18 +42,20 @@ class Segmenter:
 
     Args:
         checkpoint: The model and its recipe.
-        partition: Takes the place of the recipe's partitioner.
-        rule: Takes the place of the recipe's rule of what an object is.
-        node_block: Takes the place of the recipe's block of node features, for instance where its weights lie elsewhere
-            on this machine; not looked at if the model uses none.
+        partition: Replaces the recipe's partitioner.
+        rule: Replaces the recipe's object rule.
+        node_block: Replaces the recipe's block of node features, for example if its weights are stored elsewhere on
+            this machine. Ignored if the model uses no block.
         device: Where the networks run.
-        threads: CPU threads of each of the networks' operations; see `sgbd.machine.torch_threads`. With 1, what can be
-            done in pieces is shared out instead (`sgbd.machine.side_by_side`), as it is in superpixels and graphs.
-        trust: Names of packages beside `sgbd` whose classes the recipe may name.
+        threads: CPU threads for each PyTorch operation of the networks; see `sgbd.machine.torch_threads`. With 1, work
+            that can be split runs in parallel threads instead (`sgbd.machine.side_by_side`), as it does for superpixels
+            and graphs.
+        trust: Names of packages besides `sgbd` whose classes the recipe may name.
 
     Raises:
-        sgbd.checkpoint.CheckpointError: If the recipe cannot be followed.
-        ValueError: If this machine, or this build of PyTorch, has no such device.
+        sgbd.checkpoint.CheckpointError: If a class of the recipe is missing or not trusted, or `node_block` does not
+            match the recipe.
+        ValueError: If this machine or this build of PyTorch does not have the device.
     """
 
     def __init__(
@@ -101,10 +103,10 @@ class Segmenter:
         threads: int = 1,
         trust: Sequence[str] = (),
     ) -> Segmenter:
-        """Read a checkpoint; arguments as for the class.
+        """Load a checkpoint file; the other arguments are those of the class.
 
         Raises:
-            sgbd.checkpoint.CheckpointError: If the file is missing, damaged or no checkpoint.
+            sgbd.checkpoint.CheckpointError: If the file is missing, damaged or not a checkpoint.
         """
         checkpoint = Checkpoint.load(path, trust)
         return cls(
@@ -128,10 +130,10 @@ class Segmenter:
         threads: int = 1,
         trust: Sequence[str] = (),
     ) -> Segmenter:
-        """Read the model that is installed with the package; arguments as for the class.
+        """Load the model that is installed with the package; the arguments are those of the class.
 
         Raises:
-            sgbd.checkpoint.CheckpointError: If the package was installed without it.
+            sgbd.checkpoint.CheckpointError: If the package was installed without the model.
         """
         return cls.load(
             pretrained_checkpoint(),
@@ -149,18 +151,18 @@ class Segmenter:
         Args:
             rgb: uint8 [H, W, 3].
             depth: [H, W]; float metres or uint16 millimetres, 0 or NaN = missing.
-            intrinsics: The camera; a typical one is assumed if it is unknown.
+            intrinsics: The camera; if None, a typical camera is assumed.
 
         Returns:
             The objects.
 
         Raises:
-            sgbd.frame.FrameError: If the arrays are no RGB-D frame.
+            sgbd.frame.FrameError: If the arrays are not a valid RGB-D frame.
         """
         return self.segment_frame(Frame(rgb, depth, intrinsics))  # type: ignore[arg-type]
 
     def segment_frame(self, frame: Frame) -> Segmentation:
-        """Segment a frame; its truth, if it has any, is not looked at."""
+        """Segment a frame, ignoring any ground truth it has."""
         if frame.instances is not None:
             frame = replace(frame, instances=None)
         label_map = self.superpixels(frame)
@@ -171,14 +173,14 @@ class Segmenter:
         return paint(node_map(label_map, data), data, classification, segments)
 
     def build_graph(self, frame: Frame, label_map: LabelMap) -> Data:
-        """Build the graph of a frame with the feature columns that the model was trained on.
+        """Build the PyG graph of a frame with the feature columns that the model was trained on.
 
         Args:
             frame: The frame.
             label_map: int32 [H, W], its superpixels.
 
         Returns:
-            The graph, as `sgbd.graph.build_graph` describes it, without the packed maps.
+            The graph described in `sgbd.graph.build_graph`, without the packed maps.
         """
         data = self.graph(frame, label_map, store_maps=False)
         data.x = data.x[:, with_own_columns(self._node_columns, len(NODE_NAMES), data.x.size(1))]
@@ -191,14 +193,15 @@ class Segmenter:
         return data
 
     def graph_tensors(self, frame: Frame, label_map: LabelMap) -> GraphTensors | Data:
-        """Build what `build_graph` gives, without PyG where the networks of this package need no more than tensors.
+        """Build the graph of a frame, without PyG if builder and networks belong to this package.
 
         Args:
             frame: The frame.
             label_map: int32 [H, W], its superpixels.
 
         Returns:
-            The graph; a `Data` where the builder or a network is of a user's own making.
+            The graph of `build_graph`: as plain tensors, or as `Data` if the builder or a network is user-defined or
+            the model uses a node block.
         """
         networks = [network for network in (self.model, self.objectness) if network is not None]
         build = array_builder(self.graph)
@@ -208,17 +211,17 @@ class Segmenter:
 
 
 def _reads_fields_only(network: nn.Module) -> bool:
-    """Say whether a network is one of this package's, which ask a graph for nothing but its fields."""
+    """Return whether a network belongs to this package, whose networks only read the fields of a graph."""
     return type(network).forward.__module__.startswith("sgbd.models.")
 
 
 def _block(features: Mapping[str, Any], given: NodeBlock | None, trust: Sequence[str]) -> NodeBlock | None:
-    """Return the block that a recipe's features need, with its weights read: what is missing is better told now."""
+    """Return the node block that a recipe's features need. Load its weights now, so that missing ones show early."""
     recipe = features.get("block")
     if recipe is None:
         return required_block(features["node"], None)
     block = instantiate(recipe, NodeBlock, trust) if given is None else given  # type: ignore[type-abstract]
-    # Where the weights lie is no part of what they are; their digest is.
+    # Weights are identified by their digest, not by their location.
     wanted, found = (
         {key: value for key, value in each.items() if key != "weights"} for each in (recipe, block.recipe())
     )
@@ -234,7 +237,7 @@ def _usable_device(device: torch.device | str) -> torch.device:
     try:
         chosen = torch.device(device)
         torch.empty(0, device=chosen)
-    # A build without CUDA fails with an assertion, a machine without a GPU or an unknown name with a runtime error.
+    # A build without CUDA raises an AssertionError, a machine without a GPU or an unknown name a RuntimeError.
     except (RuntimeError, AssertionError, NotImplementedError) as error:
         reason = str(error).splitlines()[0]
         raise ValueError(f"device {device!s} cannot be used here: {reason}. Without a GPU, use device=cpu.") from error
