@@ -1,13 +1,13 @@
-"""The second stage of an agglomerative segmentation: merge, pool again, classify again.
+"""The second stage of an agglomerative segmentation: merge, pool features again, classify again.
 
 A first stage merges superpixels into segments. These segments are the nodes of a new graph with the same features, now
-of whole surfaces: planes are fitted to hundreds of pixels instead of dozens. Its edges join touching segments, and also
-objects that lie near each other without touching. The two ends of a box behind a bottle can thus become one object,
-which no partition of touching superpixels allows.
+of whole surfaces: planes are fitted to hundreds of pixels instead of dozens. The edges of this graph connect touching
+segments, and also objects that are near each other without touching. Thus the two ends of a box behind a bottle can
+become one object, which is impossible in a graph of touching superpixels.
 
-Besides the columns of every graph, the edges have columns for the first stage's opinion of each border, for what lies
-on the line of sight between two segments (something nearer may hide a connection, something farther shows that there
-is none), and for how well the two segments continue into each other.
+The edges have additional columns: the first stage's predictions along each border, what lies on the line of sight
+between two segments (something nearer may hide a connection, something farther shows that there is none), and how well
+the two segments continue each other.
 """
 
 from __future__ import annotations
@@ -55,53 +55,54 @@ EDGE_COLUMNS = (
     "width_difference",
     "relative_distance",
 )
-"""Columns after those of `sgbd.features`:
+"""Columns that follow those of `sgbd.features`, for each pair of segments:
 
-- touching: 1 if the two share a border, else 0.
-- mean_merge_logit, greatest_merge_logit: the first stage's logits of the pairs of superpixels along the border,
-  weighted by its length, and the greatest of them; 0 if they do not touch.
-- log_smaller_area, log_larger_area: logarithm of the pixels.
-- relative_border: border length by the square root of the smaller area.
-- sight_own, sight_missing, sight_nearer, sight_farther: shares of the points on the straight line between the
-  centroids, in the image, that belong to the two, have no depth, and are nearer or farther than the line in space.
+- touching: 1 if they share a border, else 0.
+- mean_merge_logit, greatest_merge_logit: mean of the first stage's merge logits over the pairs of superpixels along the
+  border, weighted by border length, and the greatest of these logits; 0 if the segments do not touch.
+- log_smaller_area, log_larger_area: logarithms of the areas in pixels.
+- relative_border: border length divided by the square root of the smaller area.
+- sight_own, sight_missing, sight_nearer, sight_farther: fractions of the points on the image line between the centroids
+  that belong to the two segments, have no depth, are nearer, and are farther than the straight line in space.
 - color_overlap: intersection of their colour histograms, 0 to 1 (M. J. Swain, D. H. Ballard, "Color indexing", IJCV
   7(1), 1991, doi:10.1007/BF00130487).
-- width_difference: how much their widths across that line differ, as the size of the logarithm of their ratio.
-- relative_distance: log1p of the distance of their centroids in the image by the sum of their lengths along it.
+- width_difference: absolute value of the logarithm of the ratio of their widths perpendicular to that line.
+- relative_distance: log1p of the distance of their centroids in the image divided by the sum of their lengths along
+  that line.
 """
 
 SIGHT_POINTS = 24
 SIGHT_MARGIN = 0.012
-"""Metres by which a point must differ from the line to count as nearer or farther."""
+"""Minimum distance in depth from the line, metres, at which a point counts as nearer or farther."""
 CERTAIN = 1e-4
 """Merge probabilities are clipped to this distance from 0 and 1 before their logits are averaged."""
 STRIDE = 3
-"""Colours and extents are measured on every so many rows and columns."""
+"""Step between the rows and between the columns on which colours and extents are sampled."""
 BINS = 4
-"""Of a histogram, for each colour channel."""
+"""Histogram bins per colour channel."""
 
 
 class AgglomeratedGraph:
-    """Builds the graph of the segments that a first stage makes of a frame's superpixels.
+    """Builds the graph whose nodes are the segments that a first stage merges from a frame's superpixels.
 
-    The graph is a `Data` as of `sgbd.graph.build_graph`, whose nodes are the first stage's segments. It has
-    `NODE_COLUMNS` and `EDGE_COLUMNS` after the columns of every graph. `label_map` is the map of the segments;
-    `node_of_superpixel` int64 [M] has the segment of each of the M superpixels; `border_length` is not the border's
-    length but the square root of the smaller area, so that pairs which do not touch have a say, too.
+    The graph is a `Data` as described in `sgbd.graph.build_graph`, with `NODE_COLUMNS` and `EDGE_COLUMNS` after the
+    usual columns. `label_map` is the map of the segments. `node_of_superpixel` int64 [M] is the segment of each of the
+    M superpixels. `border_length` is the square root of the smaller area instead of a length, so that pairs which do
+    not touch have a weight too.
 
     Args:
-        first_stage: A checkpoint, or its file; it is kept in the checkpoints of what is trained on these graphs.
-            In a recipe, "sha256:" and the digest of its content: then `bind` provides it.
-        threshold: Merge probability from which on the first stage's multicut merges; high, because what it merges
-            stays merged.
-        reach: Pairs of objects are joined by an edge if their centroids are nearer than so many metres, whether they
-            touch or not.
-        min_objectness: Segments that count as objects there have at least this objectness in the first stage.
-        min_area: And so many pixels.
+        first_stage: A checkpoint or its file, which is also stored in the checkpoints of models trained on these
+            graphs. In a recipe: "sha256:" and the digest of its content; then `bind` provides the checkpoint.
+        threshold: Merge probability above which the first stage's multicut merges. It is high because the second stage
+            cannot split what the first one has merged.
+        reach: Pairs of objects whose centroids are nearer than this distance, metres, get an edge even if they do not
+            touch.
+        min_objectness: Minimum first-stage objectness of a segment that counts as an object for `reach`.
+        min_area: Minimum area of such a segment, pixels.
 
     Raises:
         sgbd.checkpoint.CheckpointError: If the first stage cannot be read.
-        ValueError: If a number is out of its range.
+        ValueError: If a number is out of range.
     """
 
     node_columns = NODE_COLUMNS
@@ -126,19 +127,19 @@ class AgglomeratedGraph:
         self.min_area = min_area
         self.checkpoint: Checkpoint | None = None
         if isinstance(first_stage, str) and first_stage.startswith("sha256:"):
-            # A recipe: the weights are elsewhere in the same file, see `bind`.
+            # From a recipe: the weights are stored elsewhere in the same file, see `bind`.
             self.first_stage = first_stage
         else:
             self.bind(first_stage if isinstance(first_stage, Checkpoint) else Checkpoint.load(first_stage))
 
     def bind(self, checkpoint: Checkpoint) -> None:
-        """Provide the first stage.
+        """Provide the checkpoint of the first stage.
 
         Args:
-            checkpoint: The model; it needs an objectness head.
+            checkpoint: The checkpoint; it needs an objectness head.
 
         Raises:
-            sgbd.checkpoint.CheckpointError: If it is not the one that the recipe names, or has no objectness head.
+            sgbd.checkpoint.CheckpointError: If its digest differs from the recipe's, or it has no objectness head.
         """
         digest = f"sha256:{hashlib.sha256(checkpoint.to_bytes()).hexdigest()}"
         named = getattr(self, "first_stage", digest)
@@ -154,22 +155,22 @@ class AgglomeratedGraph:
     def __call__(
         self, frame: Frame, label_map: LabelMap, category_names: Sequence[str] = (), *, store_maps: bool = True
     ) -> Data:
-        """Build the graph of a frame as PyG's `Data`; arguments and errors as `arrays`."""
+        """Build the graph of a frame as PyG `Data`; see `arrays` for arguments and errors."""
         return as_data(self.arrays(frame, label_map, category_names, store_maps=store_maps))
 
     def arrays(
         self, frame: Frame, label_map: LabelMap, category_names: Sequence[str] = (), *, store_maps: bool = True
     ) -> GraphArrays:
-        """Build the graph of a frame.
+        """Build the graph of a frame as NumPy arrays.
 
         Args:
             frame: The frame.
-            label_map: int32 [H, W], its superpixels, made as the first stage's recipe says.
+            label_map: int32 [H, W], its superpixels, computed as in the first stage's recipe.
             category_names: All categories of the dataset.
-            store_maps: Pack the map of the segments and the truth into the graph.
+            store_maps: Whether to pack the map of the segments and the ground truth into the graph.
 
         Returns:
-            Its fields.
+            The fields of the graph.
 
         Raises:
             sgbd.checkpoint.CheckpointError: If no first stage has been provided.
@@ -193,7 +194,7 @@ class AgglomeratedGraph:
         samples = Samples(frame, coarse_map, count)
         objects = np.nonzero((objectness >= self.min_objectness) & (pixels >= self.min_area))[0]
 
-        # Segments touch where superpixels of both do, and objects within reach are joined to these.
+        # The pairs: segments with touching superpixels, and objects within reach of each other.
         ends = np.sort(segment[pairs[:, length > 0]], axis=0)
         i, j = np.triu_indices(len(objects), 1)
         i, j = objects[i], objects[j]
@@ -220,18 +221,18 @@ class AgglomeratedGraph:
 
 
 class Samples:
-    """Where segments lie and what colours they have, on a coarse grid of pixels.
+    """Positions, extents and colours of segments, sampled on a coarse grid of pixels.
 
     Args:
         frame: The frame.
         label_map: int32 [H, W], its segments.
-        count: Their number S.
+        count: Number S of segments.
 
     Attributes:
         position: float64 [S, 3], mean point in camera coordinates, metres; NaN without depth.
         center: float64 [S, 2], mean column and row.
-        covariance: float64 [S, 2, 2], of column and row.
-        colors: float64 [S, 64], share of the pixels in each bin of a histogram of red, green and blue.
+        covariance: float64 [S, 2, 2], covariance of column and row.
+        colors: float64 [S, 64], joint histogram of red, green and blue, as fractions of the sampled pixels.
     """
 
     def __init__(self, frame: Frame, label_map: LabelMap, count: int) -> None:
@@ -249,22 +250,22 @@ class Samples:
         self.colors = histogram / pixels
 
 
-# Sums over the sampled pixels of a segment: their number, columns, rows, and the products of these; then the number of
-# those with depth, and their X, Y and Z.
+# Number of sums over the sampled pixels of a segment: count, column, row, column², column * row, row²; then, over the
+# pixels with depth, count, X, Y, Z.
 _SUMS = 10
 
 
 @compiled(error_model="numpy")
 def _sample(label_map, depth, rgb, camera, sums, histogram):  # type: ignore[no-untyped-def]
-    """Sum up what `Samples` needs.
+    """Compute the sums and histograms that `Samples` needs.
 
     Args:
         label_map: int32 [H, W].
         depth: float32 [H, W].
         rgb: uint8 [H, W, 3].
         camera: float64 [4], fx, fy, cx, cy.
-        sums: float64 [S, 10] of zeros, written.
-        histogram: int64 [S, 64] of zeros, written: pixels in each bin of colours.
+        sums: float64 [S, 10] of zeros, output.
+        histogram: int64 [S, 64] of zeros, output: number of pixels in each colour bin.
     """
     fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
     for row in range(STRIDE // 2, label_map.shape[0], STRIDE):
@@ -295,7 +296,7 @@ def sample_numpy(
     sums: Floats,
     histogram: npt.NDArray[np.int64],
 ) -> None:
-    """Sum up what `_sample` does, one column after the other, where there is no Numba."""
+    """Compute the same as `_sample` in NumPy, for installations without Numba."""
     fx, fy, cx, cy = camera
     every = np.s_[STRIDE // 2 :: STRIDE, STRIDE // 2 :: STRIDE]
     segment, z = label_map[every].ravel(), depth[every].ravel().astype(np.float64)
@@ -325,13 +326,14 @@ def evidence(
     said: Classification,
     pixels: npt.NDArray[np.int64],
 ) -> Floats:
-    """Sum up what the first stage says of each border.
+    """Pool the first stage's predictions along the border of each pair of segments.
 
     Args:
         wanted: int64 [2, E], pairs of segments, i < j, sorted.
-        fine: Pairs of superpixels int64 [2, e], the lengths of their borders [e], and the segment of each [M].
-        said: What the first stage says of these pairs.
-        pixels: int64 [S], size of each segment.
+        fine: Pairs of superpixels int64 [2, e], the lengths of their borders [e], and the segment of each superpixel
+            [M].
+        said: The first stage's predictions for the pairs of superpixels.
+        pixels: int64 [S], area of each segment.
 
     Returns:
         float64 [E, 6], the columns from touching to relative_border.
@@ -344,7 +346,7 @@ def evidence(
     place = np.searchsorted(keys, ends[0, across] * count + ends[1, across])
     clipped = np.clip(said.edge_probability[across].astype(np.float64), CERTAIN, 1 - CERTAIN)
     logit = np.log(clipped / (1 - clipped))
-    # Superpixels may be paired without a common border, if the first stage was trained on such pairs.
+    # Pairs of superpixels need no common border if the first stage uses bounding-box adjacency.
     border = np.maximum(length[across], 1)
     total = np.bincount(place, border, len(keys))
     mean = np.bincount(place, border * logit, len(keys)) / np.maximum(total, 1)
@@ -364,18 +366,18 @@ def evidence(
 
 
 def sight(frame: Frame, label_map: LabelMap, x: npt.NDArray[np.float32], pairs: Pairs, regions: Regions) -> Floats:
-    """Look along the lines between the centroids of pairs of segments.
+    """Sample the lines between the centroids of pairs of segments.
 
     Args:
         frame: The frame.
         label_map: int32 [H, W], its segments.
-        x: float32 [S, F], their features as of `sgbd.features`.
+        x: float32 [S, F], their node features (`sgbd.features`).
         pairs: int64 [2, E].
-        regions: Sums over the segments, which know the range of the frame's depth.
+        regions: Sums over the segments, with the depth range of the frame.
 
     Returns:
-        float64 [E, 4]: shares of the points between the two that belong to them, have no depth, are nearer, and are
-        farther than the line; a plane between them has none of the last two.
+        float64 [E, 4]: fractions of the points between the centroids that belong to the two segments, have no depth,
+        are nearer, and are farther than the line. A plane through both has no points of the last two kinds.
     """
     place = x[:, [NODE_NAMES.index(name) for name in ("centroid_x", "centroid_y", "depth")]].astype(np.float64)
     near, far = (regions.nearest, regions.farthest) if regions.farthest > 0 else (1.0, 1.0)
@@ -389,7 +391,7 @@ def sight(frame: Frame, label_map: LabelMap, x: npt.NDArray[np.float32], pairs: 
 
     rows = np.clip(np.rint(between(row)), 0, frame.height - 1).astype(int)
     columns = np.clip(np.rint(between(column)), 0, frame.width - 1).astype(int)
-    # On a straight line in space, the inverse of the depth is linear in the image.
+    # Along a straight line in space, the inverse depth is linear in image coordinates.
     line = 1 / between(1 / depth)
     seen, owner = frame.depth[rows, columns], label_map[rows, columns]
     own = (owner == i) | (owner == j)
@@ -418,7 +420,7 @@ def continuation(samples: Samples, pairs: Pairs) -> Floats:
 
     def extent(segment: npt.NDArray[np.int64], direction: Floats) -> Floats:
         variance = np.einsum("ea,eab,eb->e", direction, samples.covariance[segment], direction)
-        # Nothing is thinner than a pixel.
+        # Assume at least one pixel of extent.
         return np.sqrt(np.maximum(variance, 1.0))
 
     width = np.abs(np.log(extent(i, across) / extent(j, across)))

@@ -1,11 +1,11 @@
-"""A trained model and its whole recipe in one file without executable content.
+"""A trained model and its complete recipe in one file without executable content.
 
 The file is in safetensors format. It stores the weights as tensors, and in the metadata one JSON text
 
     {"format": "sgbd checkpoint", "format_version": 1, "recipe": {...}}
 
-whose recipe says how frames become graphs and graphs become segments, as configurations of classes
-(`_target_` and arguments). Reading only instantiates classes of `sgbd` and of packages that the caller trusts.
+The recipe describes how frames become graphs and graphs become segments, as configurations of classes (`_target_` and
+arguments). Loading instantiates only classes of `sgbd` and of packages that the caller trusts.
 """
 
 from __future__ import annotations
@@ -30,39 +30,39 @@ from sgbd.models import EdgeClassifier, ObjectnessHead
 log = logging.getLogger(__name__)
 
 CHECKPOINT_FILE = "checkpoint.safetensors"
-"""Name of a checkpoint in the folder of its training."""
+"""File name of the checkpoint in the folder of a training."""
 
 PRETRAINED = "pretrained"
-"""What stands for the model inside the package wherever a checkpoint's path is asked for."""
+"""Stands for the model inside the package wherever a checkpoint's path is expected."""
 PRETRAINED_FILE = Path(__file__).resolve().parent / "pretrained" / "sgbd.safetensors"
-"""The model that is installed with the package."""
+"""File of the model that is installed with the package."""
 
 FORMAT = "sgbd checkpoint"
 FORMAT_VERSION = 1
-"""Raised whenever an older reader would misread the file."""
+"""Increased whenever an older reader would misread the file."""
 
-_METADATA = "sgbd"  # one key: safetensors does not keep the order of several, and equal checkpoints must be equal files
+_METADATA = "sgbd"  # one key only: safetensors does not keep the order of keys, and equal checkpoints need equal files
 _MODEL, _OBJECTNESS, _FIRST_STAGE = "model.", "objectness.", "first_stage."
 
 Kind = TypeVar("Kind")
 
 
 class CheckpointError(ValueError):
-    """A checkpoint that cannot be used; the message says what was given, what is expected and what to do."""
+    """A checkpoint cannot be used; the message says what was given, what is expected and what to do."""
 
 
 @dataclass
 class Checkpoint:
-    """Weights with the recipe that they belong to.
+    """Networks and their recipe.
 
     Attributes:
         model: The edge model.
-        objectness: The objectness head, if there is one.
-        recipe: JSON values. `model` and `objectness` (null if there is none) are the configurations that make the
-            modules anew, `node_channels` and `edge_channels` included; other sections (superpixels, graph, features,
-            partition, dataset, scores, versions) are kept as they are.
-        first_stage: The model whose segments are this one's nodes, if it is a second stage
-            (`sgbd.agglomeration`); kept in the same file.
+        objectness: The objectness head, or None.
+        recipe: JSON values. The sections `model` and `objectness` (null without a head) are the configurations that
+            instantiate the modules, including `node_channels` and `edge_channels`. Other sections (superpixels, graph,
+            features, partition, dataset, scores, versions) are stored unchanged.
+        first_stage: For a second stage (`sgbd.agglomeration`), the model whose segments are the nodes of its graphs;
+            stored in the same file.
     """
 
     model: EdgeClassifier
@@ -80,7 +80,7 @@ class Checkpoint:
             The path.
 
         Raises:
-            CheckpointError: If the recipe does not say how to make the modules, or holds something else than JSON.
+            CheckpointError: If the recipe does not describe the modules, or contains values that are not JSON.
             OSError: If the file cannot be written.
         """
         path = Path(path)
@@ -88,7 +88,7 @@ class Checkpoint:
         return path
 
     def to_bytes(self) -> bytes:
-        """Return the content of the file; errors as `save`."""
+        """Return the content of the file; raises the same errors as `save`."""
         tensors, recipe = self._content()
         try:
             header = json.dumps(
@@ -107,7 +107,7 @@ class Checkpoint:
         return content
 
     def _content(self) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
-        """Return the tensors and the recipe, those of a first stage among them."""
+        """Return the tensors and the recipe, including those of a first stage."""
         self._check_recipe()
         tensors = {f"{_MODEL}{key}": value for key, value in self.model.state_dict().items()}
         if self.objectness is not None:
@@ -136,15 +136,15 @@ class Checkpoint:
         """Read a checkpoint.
 
         Args:
-            path: File of `save`.
-            trust: Names of packages beside `sgbd` whose classes the recipe may name, for models of your own.
+            path: File written by `save`.
+            trust: Names of packages besides `sgbd` whose classes the recipe may name, for models of your own.
 
         Returns:
-            The checkpoint; modules are on the CPU and in evaluation mode.
+            The checkpoint; its modules are on the CPU and in evaluation mode.
 
         Raises:
-            CheckpointError: If the file is missing, damaged, no checkpoint, of another format version, names classes
-                that are not trusted, or its weights do not fit its recipe.
+            CheckpointError: If the file is missing, damaged, not a checkpoint, has another format version, names
+                classes that are not trusted, or if its weights do not fit its recipe.
         """
         path = Path(path)
         recipe, tensors = _read(path)
@@ -190,7 +190,7 @@ class Checkpoint:
             **sections: Expected sections, for example `features={"node": [...], "edge": [...]}`.
 
         Raises:
-            CheckpointError: If one differs; the message names every difference.
+            CheckpointError: If a section differs; the message lists all differences.
         """
         differences = [
             difference
@@ -205,18 +205,18 @@ class Checkpoint:
 
 
 def find_checkpoint(path: str | None, output_dir: str | Path) -> Path:
-    """Return the checkpoint that is meant.
+    """Find the file of a checkpoint.
 
     Args:
-        path: A checkpoint file, or the folder of a training; `PRETRAINED` for the model inside the package (a file or
-            folder of that name is given as ./pretrained); None for the newest one below `output_dir`.
-        output_dir: Where trainings leave their folders.
+        path: A checkpoint file or the folder of a training; `PRETRAINED` for the model inside the package (write
+            ./pretrained for a file or folder of that name); None for the newest checkpoint below `output_dir`.
+        output_dir: The folder that contains the folders of trainings.
 
     Returns:
-        The file; whether it can be read shows when it is loaded.
+        The file. It is not opened; errors show when it is loaded.
 
     Raises:
-        CheckpointError: If there is none below `output_dir`, or the package was installed without its model.
+        CheckpointError: If there is no checkpoint below `output_dir`, or the package was installed without its model.
     """
     if path == PRETRAINED:
         return pretrained_checkpoint()
@@ -237,7 +237,7 @@ def pretrained_checkpoint() -> Path:
     """Return the file of the model that is installed with the package.
 
     Raises:
-        CheckpointError: If the package was installed without it.
+        CheckpointError: If the package was installed without the model.
     """
     if not PRETRAINED_FILE.is_file():
         raise CheckpointError(
@@ -249,22 +249,22 @@ def pretrained_checkpoint() -> Path:
 
 
 def instantiate(config: Any, kind: type[Kind], trust: Sequence[str] = ()) -> Kind:
-    """Make an object from a configuration that came with a file, and so may come from anyone.
+    """Instantiate an object from a configuration that was read from a file, and is therefore untrusted.
 
-    It follows the rules of `hydra.utils.instantiate` for `_target_`, `_partial_` and nested configurations, but makes
-    objects of classes that are defined in `sgbd` or a trusted package only. A function is never called; with
-    `_partial_` it may be referred to, if it is defined in such a package.
+    It follows the rules of `hydra.utils.instantiate` for `_target_`, `_partial_` and nested configurations, but only
+    instantiates classes that are defined in `sgbd` or in a trusted package. It never calls functions; a partial
+    (`_partial_`) may refer to a function that is defined in such a package.
 
     Args:
         config: Mapping with `_target_` and arguments.
-        kind: The class that the object must be an instance of; `object` for anything.
-        trust: Names of packages beside `sgbd`.
+        kind: The class that the object must be an instance of; `object` accepts anything.
+        trust: Names of trusted packages besides `sgbd`.
 
     Returns:
         The object.
 
     Raises:
-        CheckpointError: If the class is missing, not trusted, of another kind, or does not take the arguments.
+        CheckpointError: If the class is missing, not trusted, not a subclass of `kind`, or rejects the arguments.
     """
     if not isinstance(config, Mapping) or not isinstance(config.get("_target_"), str):
         raise CheckpointError(f"the recipe names no class for a {kind.__name__}; got {config!r}")
@@ -330,7 +330,7 @@ def _resolve(name: str, trust: Sequence[str]) -> Any:
         raise CheckpointError(
             f"the recipe names {name}, which does not exist; the checkpoint may be of another version"
         )
-    # A trusted module also holds what it imported: sgbd.training.os.system is not ours.
+    # A trusted module also contains what it imports: sgbd.training.os.system is not part of sgbd.
     if not is_trusted(getattr(target, "__module__", None) or ""):
         raise CheckpointError(refusal)
     return target

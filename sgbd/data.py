@@ -1,4 +1,4 @@
-"""Prepared superpixel graphs as a PyG dataset."""
+"""The PyG dataset of prepared superpixel graphs."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ HOW_TO_PREPARE = "python -m sgbd.prepare dataset=<name>"
 
 
 class GraphCacheError(RuntimeError):
-    """A folder that does not hold the prepared graphs that were asked for; the message says what to do."""
+    """A folder does not contain the requested prepared graphs; the message says what to do."""
 
 
 class SuperpixelGraphDataset(Dataset):
     """The prepared graphs of one split, as a PyG dataset.
 
-    ``dataset[i]`` is a plain `torch_geometric.data.Data` as `sgbd.graph.build_graph` describes it, with the chosen
-    feature columns; slices, index lists, masks and ``shuffle()`` give sub-datasets; PyG's `DataLoader` batches it.
+    ``dataset[i]`` is a plain `torch_geometric.data.Data` as described in `sgbd.graph.build_graph`, with the selected
+    feature columns. Slices, index lists, masks and ``shuffle()`` give sub-datasets. PyG's `DataLoader` makes batches.
 
     Args:
-        root: Folder of a recipe (what `sgbd.preparation.prepare` returns), or one that holds a single such folder.
-        split: Which split.
-        node_features: Groups of `sgbd.features.NODE_GROUPS` to keep as columns of `x`; None for all. The columns stay
-            in the declared order. The group of a block that was added to the graphs (`sgbd.node_block_cache`), such as
-            `dino`, appends its columns.
+        root: Recipe folder (as returned by `sgbd.preparation.prepare`), or a folder that contains only one of these.
+        split: Name of the split.
+        node_features: Groups of `sgbd.features.NODE_GROUPS` to keep as columns of `x`; None for all. The columns keep
+            their declared order. The group of a node block that was added to the graphs (`sgbd.node_block_cache`), such
+            as `dino`, appends its columns.
         edge_features: Groups of `sgbd.features.EDGE_GROUPS` to keep as columns of `edge_attr`; None for all.
-        in_memory: Keep every graph after its first reading. Sub-datasets share what is kept; worker processes of a
-            `DataLoader` keep their own, so use none with this.
-        fields: Fields of the graphs to read; None for all. Training needs no label maps and overlap tables, and reads
+        in_memory: Keep every graph in memory after it was first read. Sub-datasets share these graphs. Worker processes
+            of a `DataLoader` would keep copies of their own, so do not combine them with this option.
+        fields: Fields of the graphs to read; None for all. Training needs no label maps or overlap tables, and reads
             faster without them.
         transform: Applied to each graph on access.
-        node_block: Folder name of the block to append, if there are several of its group.
+        node_block: Folder name of the node block to append, if its group has several.
 
     Raises:
         GraphCacheError: If there are no such graphs; the message says how to prepare them.
@@ -78,13 +78,13 @@ class SuperpixelGraphDataset(Dataset):
         super().__init__(root=str(self.folder), transform=transform)
 
     def len(self) -> int:
-        """Return the number of graphs of the split, of which a sub-dataset shows some."""
+        """Return the number of graphs of the whole split, also for a sub-dataset."""
         return len(self._index["names"])
 
     def get(self, idx: int) -> Data:
         """Read graph `idx` of the split."""
         if idx in self._graphs:
-            # A copy of the container: what a transform replaces in it does not reach the kept graph.
+            # Return a shallow copy, so that a transform cannot change the graph in memory.
             return self._graphs[idx].__copy__()
         data = read_graph(self.folder / self.split / graph_file_name(self._index["names"][idx]), self.fields)
         if self.node_features is not None and "x" in data:
@@ -107,7 +107,7 @@ class SuperpixelGraphDataset(Dataset):
 
     @property
     def skipped(self) -> Mapping[str, str]:
-        """Frames of the split that have no graph, and why."""
+        """Frames of the split without a graph, each with the reason."""
         return {entry["name"]: entry["reason"] for entry in self._index["skipped"]}
 
     @property
@@ -117,7 +117,7 @@ class SuperpixelGraphDataset(Dataset):
 
     @property
     def seen(self) -> frozenset[str]:
-        """The categories seen in training; empty if there is no division into seen and unseen."""
+        """The categories seen in training; empty if the dataset has no seen/unseen split of its categories."""
         return frozenset(self._index["seen"])
 
     @property
@@ -149,38 +149,38 @@ class SuperpixelGraphDataset(Dataset):
         return block
 
     def labeled(self) -> SuperpixelGraphDataset:
-        """Return the sub-dataset of the graphs whose frames have ground truth; of each file only the head is read."""
+        """Return the sub-dataset of graphs with ground truth, reading only the header of each file."""
         folder, names = self.folder / self.split, self._index["names"]
         indices = list(self.indices())
         kept = [k for k, at in enumerate(indices) if "edge_label" in stored_fields(folder / graph_file_name(names[at]))]
         return self if len(kept) == len(indices) else self.index_select(kept)
 
     def statistics(self) -> dict[str, Any]:
-        """Return what the preparation counted over the whole split.
+        """Return the statistics that the preparation recorded for the whole split.
 
         Returns:
-            `graphs`; `nodes_per_graph`, `edges_per_graph` (each adjacency once) and `bytes_per_graph` on average;
-            `merge_share`, the share of merge among the labelled edges (None without labels); `seconds_per_frame` of
-            each stage of the last preparation.
+            `graphs`, their number; the means `nodes_per_graph`, `edges_per_graph` (each adjacency once) and
+            `bytes_per_graph`; `merge_share`, the fraction of labelled edges that are merges (None without labels);
+            `seconds_per_frame` of each stage of the last preparation.
         """
         return dict(self._index["statistics"])
 
     def __copy__(self) -> SuperpixelGraphDataset:
-        # What PyG makes sub-datasets with: they share the graphs in memory.
+        # PyG makes sub-datasets with this: they share the graphs in memory.
         copied = type(self).__new__(type(self))
         copied.__dict__.update(self.__dict__)
         return copied
 
     def __getstate__(self) -> dict[str, Any]:
-        # Graphs in memory are read again by a process that gets this dataset: cheaper than to send them.
+        # A process that receives this dataset reads the graphs again, which is cheaper than pickling them.
         return {**self.__dict__, "_graphs": {}}
 
 
 def find_recipe_folder(root: Path) -> Path:
-    """Return the recipe folder that a path means: itself, or the only one in it.
+    """Return `root` if it is a recipe folder, else the only recipe folder in it.
 
     Raises:
-        GraphCacheError: If it is missing, holds no recipe, or several.
+        GraphCacheError: If `root` is missing, or contains no recipe folder or several.
     """
     if not root.is_dir():
         raise GraphCacheError(f"there are no prepared graphs in {root}: no such folder. Make them: {HOW_TO_PREPARE}")

@@ -1,4 +1,4 @@
-"""Scores of an edge model on prepared graphs, used for both training epochs and finished models."""
+"""Scores of an edge model on prepared graphs, both for validation during training and for trained models."""
 
 from __future__ import annotations
 
@@ -67,38 +67,39 @@ EDGE_SCORES = {
 REGION_SCORES = {"rand_error": "rand_error", "variation_of_information": "variation_of_information"}
 GROUPS = {"seen": "seen", "unseen": "unseen", "harmonic_mean": "hm"}
 NAMED = 20
-"""Frames without truth that are named one by one."""
+"""Number of frames without ground truth that a message lists."""
 ROWS = ("seen", "unseen", "hm", "all", "unaided", "oracle_seen", "oracle_unseen", "oracle_hm", "oracle")
 
 
 class EvaluationError(ValueError):
-    """Graphs that cannot be scored; the message says why and what to do."""
+    """Graphs cannot be scored; the message says why and what to do."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Scores of a model on a dataset, shares from 0 to 1.
+    """Scores of a model on a dataset, as fractions from 0 to 1.
 
     Attributes:
         scores: Means by protocol and score, such as `all/overlap_f`:
 
-            - `all`: objects of all categories; a segment counts as an object if most of it lies on true objects, so
-              this judges the merging alone.
-            - `unaided`: as `all`, but the model's own objectness head says which segments are objects. Absent without
+            - `all`: objects of all categories. A segment counts as an object if most of it lies on true objects, so
+              only the merging is scored.
+            - `unaided`: like `all`, but the model's objectness head decides which segments are objects. Absent without
               a head.
-            - `oracle`: as `all`, for the best partition of the same superpixels.
+            - `oracle`: like `all`, for the best partition of the same superpixels.
             - `seen`, `unseen`, `hm`: the paper's protocol by category, and the harmonic mean of the two;
-              `oracle_seen`, `oracle_unseen`, `oracle_hm` for the best partition. Absent if the dataset does not tell
-              seen from unseen categories.
-            - `calibration`: of the scores of the model's own objects, with a head: their expected calibration error
-              (10 bins) and Brier score, and for comparison their mean and the share that is right (intersection over
-              union with a true object above 0.75).
-            - `edges`, `regions`: precision, recall and F of the cuts; adapted Rand error and variation of information.
-        frames: One row a frame, indexed by name. Columns without a prefix are of `all`, those with `unaided_` and
-            `oracle_` of these; `seen_` and `unseen_` are means over the frame's categories.
-        categories: One row a category, indexed by its name; empty without categories. The column `seen` tells seen from
-            unseen ones, if the dataset does.
-        objects: One row for each of the model's own objects: frame, score and whether it is right; empty without a
+              `oracle_seen`, `oracle_unseen`, `oracle_hm` for the best partition. Absent if the dataset does not
+              distinguish seen and unseen categories.
+            - `calibration`: quality of the scores of the objects that the objectness head found: expected calibration
+              error (10 bins) and Brier score; for comparison, the mean score and the fraction of right objects
+              (intersection over union with a true object above 0.75). Absent without a head.
+            - `edges`, `regions`: precision, recall and F of the cuts and accuracy of the merges; adapted Rand error and
+              variation of information.
+        frames: One row per frame, indexed by name. Columns without a prefix belong to `all`; the prefixes `unaided_`
+            and `oracle_` name the protocol; `seen_` and `unseen_` are means over the frame's categories.
+        categories: One row per category, indexed by name; empty without categories. The column `seen` exists if the
+            dataset distinguishes seen and unseen categories.
+        objects: One row per object found by the objectness head: frame, score and whether it is right; empty without a
             head.
     """
 
@@ -110,7 +111,7 @@ class Evaluation:
 
 @dataclass(frozen=True, eq=False)
 class JudgedObjects:
-    """Scores of the model's own objects of one frame, float32 [K], and whether each is right, bool [K]."""
+    """Scores float32 [K] of the objects that the method found in a frame, and whether each is right, bool [K]."""
 
     score: npt.NDArray[np.float32]
     right: npt.NDArray[np.bool_]
@@ -120,8 +121,8 @@ class JudgedObjects:
 class GraphScores:
     """Scores of one partitioned graph, by protocol; see `Evaluation`.
 
-    `unaided` is None if the method does not say what an object is, `oracle_by_category` if there are no superpixels,
-    `objects` if it does not say how sure it is of an object.
+    `unaided` is None if the method does not decide what an object is, `oracle_by_category` if there are no superpixels,
+    `objects` if the method does not score its objects.
     """
 
     all: FrameScores
@@ -136,9 +137,9 @@ class Evaluator:
 
     Args:
         partition: The partitioner.
-        rule: Which segments are objects.
-        boundaries: Score contours too, which needs the packed maps and most of the time.
-        calibration: What makes the scores of objects probabilities; None leaves them as they are.
+        rule: Decides which segments are objects.
+        boundaries: Whether to score contours too. This needs the packed maps, and takes most of the time.
+        calibration: Calibrates the scores of objects; None leaves them uncalibrated.
     """
 
     def __init__(
@@ -162,19 +163,19 @@ class Evaluator:
         *,
         progress: bool = False,
     ) -> Evaluation:
-        """Score a model, on the device that it is on.
+        """Score a model on its current device.
 
         Args:
-            dataset: Graphs with truth, with the feature columns that the model was trained on.
-            model: The edge model. It is put into evaluation mode, and left as it was.
-            objectness: The objectness head, if there is one; on the same device.
-            progress: Show a progress bar.
+            dataset: Graphs with ground truth and the feature columns that the model was trained on.
+            model: The edge model. It is put into evaluation mode; its previous mode is restored at the end.
+            objectness: The objectness head on the same device, or None.
+            progress: Whether to show a progress bar.
 
         Returns:
             The scores.
 
         Raises:
-            EvaluationError: If the dataset is empty or a frame has no truth.
+            EvaluationError: If the dataset is empty or a frame has no ground truth.
         """
         if len(dataset) == 0:
             raise EvaluationError("there are no graphs to evaluate: the split is empty")
@@ -201,16 +202,16 @@ class Evaluator:
         """Score the partition of one graph.
 
         Args:
-            data: A graph with truth.
+            data: A graph with ground truth.
             segments: Its partition.
             category_names: The dataset's categories.
-            unaided: Whether an objectness head has decided on `segments.is_object`, and is to be judged too.
+            unaided: Whether an objectness head decided `segments.is_object`, so that its decisions are scored too.
 
         Returns:
             The scores.
 
         Raises:
-            EvaluationError: If the graph has no truth.
+            EvaluationError: If the graph has no ground truth.
         """
         if "overlap_count" not in data:
             raise EvaluationError(
@@ -259,15 +260,15 @@ def _contours(
     true_objects: npt.NDArray[np.int64],
     *partitions: tuple[npt.NDArray[np.integer], npt.NDArray[np.int64]],
 ) -> list[ContourMap]:
-    """Find contours in the truth of a graph, and in partitions of it.
+    """Find the contours of a graph's ground truth and of partitions of the graph.
 
     Args:
         data: The graph, with its packed maps.
-        true_objects: The instances that have a contour.
-        *partitions: Segment of each superpixel, and the segments that have a contour.
+        true_objects: The instances whose contours are found.
+        *partitions: For each partition, the segment of each superpixel, and the segments whose contours are found.
 
     Returns:
-        The contours of the truth, then those of each partition.
+        The contours of the ground truth, then those of each partition.
     """
     size = tuple(data.image_size[0].tolist())
     label_map, instances = unpack(data.label_map, size), unpack(data.truth_map, size)
@@ -287,13 +288,13 @@ def _contours_of_segments(
 
 
 def _categories(data: Data, names: Sequence[str]) -> dict[int, str]:
-    """Return the category of each instance of a graph that has one."""
+    """Return the category names of a graph's instances; instances without a category are left out."""
     places = zip(data.instance_id.tolist(), data.instance_category.tolist(), strict=True)
     return {instance: names[place - 1] for instance, place in places if place > 0}
 
 
 def _judged_objects(table: ContingencyTable, segments: Segments) -> JudgedObjects:
-    """Say of each object of a frame whether it is right; of one without a pixel of known truth nobody can."""
+    """Decide which objects of a frame are right; leave out objects without any pixel of known ground truth."""
     judged = table.segments[segments.is_object[table.segments]]
     right = right_segments(table, len(segments.area))
     return JudgedObjects(segments.score[judged], right[judged])
@@ -303,11 +304,11 @@ def mean_scores(scored: Sequence[GraphScores], seen: Collection[str]) -> Evaluat
     """Average the scores of frames.
 
     Args:
-        scored: Of each frame.
-        seen: The categories seen in training; empty if there is no division into seen and unseen.
+        scored: The scores of each frame.
+        seen: The categories seen in training; empty if the dataset does not distinguish seen and unseen categories.
 
     Returns:
-        The means; what no frame has a score for is left out.
+        The means, without scores that no frame has.
     """
     scores: dict[str, float] = {}
 
@@ -347,7 +348,7 @@ def mean_scores(scored: Sequence[GraphScores], seen: Collection[str]) -> Evaluat
 
 
 def _table_of_objects(scored: Sequence[GraphScores]) -> pd.DataFrame | None:
-    """Return all objects of which the model said how sure it is, a row each, or None if there are none."""
+    """Return all objects with a score, one row each, or None if there are none."""
     judged = [(frame.all.name, frame.objects) for frame in scored if frame.objects is not None]
     if not any(len(found.score) for _, found in judged):
         return None
@@ -361,7 +362,7 @@ def _table_of_objects(scored: Sequence[GraphScores]) -> pd.DataFrame | None:
 
 
 def _calibration_scores(objects: pd.DataFrame) -> dict[str, float]:
-    """Say how well the scores of objects hold as probabilities of being right."""
+    """Measure how well the scores of objects are calibrated."""
     score, right = objects["score"].to_numpy(np.float64), objects["right"].to_numpy()
     return {
         "calibration/expected_error": expected_calibration_error(score, right),
@@ -372,7 +373,7 @@ def _calibration_scores(objects: pd.DataFrame) -> dict[str, float]:
 
 
 def _seen_and_unseen_of_frames(scored: Sequence[GraphScores], seen: Collection[str]) -> pd.DataFrame:
-    """Return each frame's mean F over its seen and over its unseen categories; NaN where it shows none of them."""
+    """Return each frame's mean F over its seen and over its unseen categories; NaN if it has no such category."""
     rows = []
     for frame in scored:
         groups: dict[bool, list[float]] = {True: [], False: []}
@@ -383,17 +384,18 @@ def _seen_and_unseen_of_frames(scored: Sequence[GraphScores], seen: Collection[s
 
 
 def with_truth(dataset: SuperpixelGraphDataset, on_error: str = "skip") -> SuperpixelGraphDataset:
-    """Return the graphs whose frames have ground truth: the others can neither be learned from nor scored.
+    """Return the graphs whose frames have ground truth, which training and scoring need.
 
     Args:
         dataset: Prepared graphs.
-        on_error: What to do if some have no truth: `skip` leaves them out and names them, `fail` raises.
+        on_error: What to do if some have no ground truth: `skip` leaves them out and lists them in a warning, `fail`
+            raises an error.
 
     Returns:
-        The dataset, or a part of it.
+        The dataset, or a sub-dataset of it.
 
     Raises:
-        EvaluationError: If none has truth, or one has not and `on_error` is `fail`.
+        EvaluationError: If no graph has ground truth, or if one lacks it and `on_error` is `fail`.
     """
     labeled = dataset.labeled()
     missing = sorted(set(dataset.names) - set(labeled.names))
@@ -411,13 +413,13 @@ def with_truth(dataset: SuperpixelGraphDataset, on_error: str = "skip") -> Super
 
 
 def score_table(scores: dict[str, float]) -> pd.DataFrame:
-    """Arrange scores for people: a row for each protocol, a column for each score, in per cent.
+    """Arrange scores as a table in per cent, with a row for each protocol and a column for each score.
 
     Args:
-        scores: As of `Evaluation`.
+        scores: See `Evaluation.scores`.
 
     Returns:
-        The table; what was not scored is NaN.
+        The table, with NaN for missing scores.
     """
     cells = {tuple(name.split("/", 1)): 100 * value for name, value in scores.items()}
     rows = [row for row in ROWS if any(key[0] == row for key in cells)]

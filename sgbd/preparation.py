@@ -1,4 +1,4 @@
-"""Preparation of graphs: turns the frames of a split into graph files, in parallel, resumable, and never stale.
+"""Preparation of graphs: converts the frames of a split to graph files, in parallel, resumable, and never stale.
 
 Layout of a cache::
 
@@ -7,13 +7,13 @@ Layout of a cache::
                                          /<split>/<name>.safetensors    one graph per frame (`sgbd.graph_file`)
                                          /<split>/index.json            written last: the split is complete
 
-Why a cache is never stale: another dataset, configuration or code has a different hash and thus a different folder.
-Within a folder, the index stores the fingerprint of all frames of its split (names, sizes and modification times of
-their files), and every graph stores the fingerprint of its own frame. If the fingerprint in the index still matches,
-nothing is done. Otherwise the index is removed, and the graphs of changed frames are built again. Graphs and index are
-replaced atomically: a process that is killed at any moment leaves only whole graphs behind, and the next run builds the
-missing ones. Graphs of removed frames stay in the folder, in case the frames come back; only graphs that the index
-lists count.
+A cache is never stale, because a different dataset, configuration or code gives a different hash and thus a different
+folder. Within a folder, the index stores the fingerprint of all frames of its split (names, sizes and modification
+times of their files), and every graph stores the fingerprint of its own frame. If the fingerprint in the index still
+matches, nothing is done. Otherwise the index is removed, and the graphs of changed frames are built again. Graphs and
+index are replaced atomically: a process that is killed at any moment leaves only complete graphs behind, and the next
+run builds the missing ones. Graphs of removed frames stay in the folder, in case the frames come back, but only graphs
+listed in the index are used.
 """
 
 from __future__ import annotations
@@ -62,18 +62,18 @@ INDEX_FILE = "index.json"
 INDEX_KEYS = ("fingerprint", "category_names", "seen", "statistics", "skipped", "names", "bytes")
 
 FRAMES_PER_WORKER = 8
-"""Frames that are worth a worker process; fewer are made in this process."""
+"""Minimum number of frames per worker process; with fewer frames, fewer workers are started."""
 LINES_OF_REPORT = 20
-"""Skipped frames that the report names one by one; the index names them all."""
+"""Number of skipped frames that the report lists; the index lists all."""
 
 
 class PreparationError(RuntimeError):
-    """Graphs that cannot be prepared; the message says why and what to do."""
+    """Graphs cannot be prepared; the message says why and what to do."""
 
 
 @dataclass(frozen=True)
 class _Outcome:
-    """What became of one frame."""
+    """The result of processing one frame: a summary of its graph, or the reason why it failed."""
 
     index: int
     summary: GraphSummary | None = None
@@ -83,7 +83,7 @@ class _Outcome:
 
 @dataclass(frozen=True)
 class _FrameToGraphFile:
-    """The work of one worker: frame `index` of the source to its graph file."""
+    """The task of a worker: build the graph of frame `index` of the source and write its file."""
 
     source: FrameSource
     superpixels: Callable[[Any], Any]
@@ -94,7 +94,7 @@ class _FrameToGraphFile:
         name = self.source.names[index]
         try:
             start = time.perf_counter()
-            # Before reading: should the files change meanwhile, the next run sees it.
+            # Taken before reading: if the files change meanwhile, the next run notices.
             made_from = frame_fingerprint(self.source, index)
             frame = self.source[index]
             read = time.perf_counter()
@@ -119,7 +119,7 @@ class _FrameToGraphFile:
         return _Outcome(index, summary, seconds=seconds)
 
     def _build(self, frame: Frame, label_map: LabelMap) -> Data | GraphArrays:
-        # The usual way needs neither PyTorch nor PyG, which so stay out of the workers.
+        # The builders of this package need neither PyTorch nor PyG, so workers do not load these.
         build = array_builder(self.graph) or self.graph
         return build(frame, label_map, category_names=self.source.category_names)
 
@@ -134,31 +134,32 @@ def prepare(
     on_error: Literal["skip", "fail"] = "skip",
     progress: bool = True,
 ) -> Path:
-    """Make the graphs of one split, or only those that are missing or whose frames changed.
+    """Build the graphs of one split that are missing or whose frames changed.
 
-    Graphs are the same, byte for byte, for any number of workers. Two processes may prepare the same split at once: the
-    second waits and finds it done. Interrupted or killed, it goes on where it was when it is run again.
+    The graphs are identical, byte for byte, for any number of workers. Two processes may prepare the same split at the
+    same time: the second one waits and finds the finished graphs. After an interruption, the next run continues.
 
     Args:
         source: The frames of the split.
-        superpixels: Frame to label map, int32 [H, W], ids 0..N-1. It keeps its arguments under their own names, or is
-            a function or a partial of one, so that it can be written down in the recipe.
-        graph: Called as ``graph(frame, label_map, category_names=...)``, such as `sgbd.graph.GraphBuilder`; described
-            in the same way.
-        root: Folder of all caches; made if it is missing.
-        workers: Processes to use; 0 stays in this one.
-        on_error: What to do with a frame that cannot be read, over-segmented or made a graph: `skip` it, name it in the
-            report and the index and try it again next time, or `fail` on the first one.
+        superpixels: Maps a frame to a label map int32 [H, W] with ids 0..N-1. So that the recipe can record it, it must
+            be a function, a partial of a function, or an object that stores its constructor's arguments as attributes
+            of the same names.
+        graph: Called as ``graph(frame, label_map, category_names=...)``, such as `sgbd.graph.GraphBuilder`; recorded in
+            the same way.
+        root: Folder of all caches; created if missing.
+        workers: Number of worker processes; 0 does all work in this process.
+        on_error: What to do if a frame cannot be read, over-segmented or made into a graph: `skip` it, list it in the
+            report and the index, and try it again next time; or `fail` on the first one.
         progress: Whether to show a progress bar.
 
     Returns:
-        The folder of the recipe: the root of `sgbd.data.SuperpixelGraphDataset`.
+        The recipe folder: the `root` of `sgbd.data.SuperpixelGraphDataset`.
 
     Raises:
         PreparationError: If a frame fails and `on_error` is `fail`, if every frame fails, if the split is empty, if
-            its names cannot be files, or if the cache cannot be written.
-        GraphFileError: If a graph cannot be written, for instance because the disk is full.
-        RecipeError: If a component cannot be written down.
+            its names are not valid file names, or if the cache cannot be written.
+        GraphFileError: If a graph cannot be written, for example because the disk is full.
+        RecipeError: If the recipe cannot record a component.
         WorkerError: If a worker process dies.
     """
     if on_error not in ("skip", "fail"):
@@ -172,7 +173,7 @@ def prepare(
     if _is_complete(split, fingerprint):
         log.info("%s of %s is prepared already: %s", source.split, recipe["dataset"]["name"], split)
         return folder
-    # Only now: to find its names, a source may have to look at every frame.
+    # Checked only now, because a source may have to look at every frame to find the names.
     _check_names(source)
     with contextlib.ExitStack() as stack:
         try:
@@ -181,7 +182,7 @@ def prepare(
             stack.enter_context(one_process_at_a_time(folder / f"{source.split}.lock", log, f"prepares {split}", wait))
         except OSError as error:
             raise PreparationError(cannot_write(split, error)) from error
-        # Somebody else may have finished it while this process waited.
+        # Another process may have finished the split while this one waited.
         if not _is_complete(split, fingerprint):
             _write_recipe(folder, recipe)
             work = _FrameToGraphFile(source, superpixels, graph, split)
@@ -190,22 +191,22 @@ def prepare(
 
 
 def graph_file_name(name: str) -> str:
-    """Return the file name of a frame's graph: its name with `/` replaced."""
+    """Return the file name of a frame's graph: the frame's name with `/` replaced by `__`, and the suffix."""
     return name.replace("/", "__") + SUFFIX
 
 
 def frame_fingerprint(source: FrameSource, index: int) -> str:
-    """Return 16 hexadecimal digits that change whenever a frame may have: name, sizes and times of its files."""
+    """Return a digest (16 hexadecimal digits) of a frame's name and its files' sizes and modification times."""
     stats: list[Any] = []
     for path in source.files(index):
-        with contextlib.suppress(OSError):  # reading the frame reports a missing file
+        with contextlib.suppress(OSError):  # a missing file is reported when the frame is read
             status = path.stat()
             stats.append([status.st_size, status.st_mtime_ns])
     return hashlib.sha256(json.dumps([source.names[index], stats]).encode()).hexdigest()[:16]
 
 
 def read_index(split: Path) -> dict[str, Any] | None:
-    """Return the index of a prepared split, or None if there is none (also a damaged one counts as none)."""
+    """Return the index of a prepared split, or None if it is missing or damaged."""
     try:
         index = json.loads((split / INDEX_FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -214,7 +215,7 @@ def read_index(split: Path) -> dict[str, Any] | None:
 
 
 def _prepare_split(work: _FrameToGraphFile, fingerprint: str, workers: int, on_error: str, progress: bool) -> None:
-    """Make the graphs that are missing or out of date, and write the index that says the split is complete."""
+    """Build the graphs that are missing or out of date, then write the index, which marks the split as complete."""
     source, split = work.source, work.folder
     before = read_index(split)
     if before is not None and before.get("fingerprint") != fingerprint:
@@ -261,10 +262,10 @@ def _prepare_split(work: _FrameToGraphFile, fingerprint: str, workers: int, on_e
 def _make_graphs(
     work: _FrameToGraphFile, summaries: list[GraphSummary | None], workers: int, on_error: str, progress: bool
 ) -> tuple[dict[int, str], dict[str, float]]:
-    """Make the graphs that have no summary yet, and fill their summaries in.
+    """Build the graphs that have no summary yet, and fill in their summaries.
 
     Returns:
-        Why frames failed, by their index; and the seconds that each stage took, all frames together.
+        The reason of failure by frame index, and the total seconds of each stage.
     """
     failures: dict[int, str] = {}
     seconds: dict[str, float] = {}
@@ -286,9 +287,9 @@ def _make_graphs(
 def _outcomes(
     work: _FrameToGraphFile, summaries: list[GraphSummary | None], workers: int, progress: bool
 ) -> Iterator[_Outcome]:
-    """Make the graphs that have no summary yet, fill their summaries in, and yield what became of each frame."""
+    """Build the graphs that have no summary yet, fill in their summaries, and yield the outcome of each frame."""
     pending = [index for index, summary in enumerate(summaries) if summary is None]
-    # To start a process takes as long as a few frames do.
+    # Starting a process takes as long as processing a few frames.
     workers = min(workers, len(pending) // FRAMES_PER_WORKER)
     skipped = 0
     try:
@@ -344,7 +345,7 @@ def _index(
             "edges_per_graph": sum(edges) / len(present),
             "merge_share": merges / (merges + cuts) if merges + cuts else None,
             "bytes_per_graph": sum(summary.bytes for _, summary in present) / len(present),
-            # Of the frames made in the last run.
+            # Of the frames processed in the last run; filled in by the caller.
             "seconds_per_frame": {},
         },
         "skipped": [{"name": names[index], "reason": reason} for index, reason in sorted(failures.items())],
@@ -356,7 +357,7 @@ def _index(
 
 
 def _is_complete(split: Path, fingerprint: str) -> bool:
-    """Say whether nothing is left to do: same frames, no graph missing or cut short, no skipped frame to try again."""
+    """Return whether a split is complete: frames unchanged, no graph missing or truncated, none to retry."""
     index = read_index(split)
     if (
         index is None
@@ -372,18 +373,18 @@ def _is_complete(split: Path, fingerprint: str) -> bool:
 
 
 def _kept_graphs(source: FrameSource, split: Path, progress: bool) -> list[GraphSummary | None]:
-    """Return the summary of every frame's graph that is there and made from the frame as it is now, else None."""
+    """Return, for every frame, the summary of its graph if that exists and is up to date, else None."""
     present = set()
     for path in split.iterdir():
         if path.name.endswith(".tmp"):
-            path.unlink()  # of a process that was killed while it wrote
+            path.unlink()  # left by a process that was killed while writing
         present.add(path.name)
     summaries: list[GraphSummary | None] = []
     names = ProgressBar(source.names, "looking for graphs", delay=1, leave=False, unit="frame", disable=not progress)
     for index, name in enumerate(names):
         summary = None
         if graph_file_name(name) in present:
-            with contextlib.suppress(GraphFileError):  # a damaged one is made again
+            with contextlib.suppress(GraphFileError):  # a damaged graph is built again
                 summary = read_summary(split / graph_file_name(name))
             if summary is not None and summary.made_from != frame_fingerprint(source, index):
                 summary = None
@@ -392,7 +393,7 @@ def _kept_graphs(source: FrameSource, split: Path, progress: bool) -> list[Graph
 
 
 def _wait_for_another(split: Path, total: int, progress: bool, is_done: Callable[[], bool]) -> None:
-    """Wait for a process that prepares a split, and show how far it is."""
+    """Wait for another process to prepare a split, and show its progress."""
     with ProgressBar(total=total, desc=f"waiting for {split.name}", unit="frame", disable=not progress) as bar:
         while not is_done():
             bar.n = min(total, sum(1 for file in split.iterdir() if file.name.endswith(SUFFIX)))
