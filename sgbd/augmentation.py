@@ -1,4 +1,4 @@
-"""Augmentation of training graphs: changes that preserve the labels."""
+"""Label-preserving augmentation of training graphs."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ SIDEWAYS = ("normal_x", "scene_x", "plane_normal_x")
 
 
 class GraphAugmentation:
-    """Mirrors graphs, changes their light and colour, and adds a little noise: another draw in every epoch.
+    """Mirrors graphs, changes brightness and colour, and adds a little noise, drawn anew in every epoch.
 
-    Each graph of a batch is changed as a whole, so that its features stay consistent: what is mirrored is mirrored in
-    position and normals, what gets brighter gets brighter in mean, spread and steps of colour.
+    The features of a graph stay consistent: mirroring applies to positions and normals, and a change of colour applies
+    to the means, spreads and steps of colour.
 
     Args:
         node_features: Groups of `sgbd.features.NODE_GROUPS` that are columns of `x`; None for all.
         edge_features: Groups of `sgbd.features.EDGE_GROUPS` that are columns of `edge_attr`; None for all.
-        mirror: Share of graphs that are mirrored left to right.
+        mirror: Fraction of graphs that are mirrored left to right.
         gain: Standard deviation of the logarithm of each colour channel's gain.
-        brightness: Standard deviation of what is added to all colours, of the range 0 to 1.
-        gray: Share of graphs that lose their colours.
-        noise: Standard deviation of noise on all features, in units of their spread within the batch.
+        brightness: Standard deviation of an offset added to all colours, which range from 0 to 1.
+        gray: Fraction of graphs that are converted to gray.
+        noise: Standard deviation of noise on all features, relative to their standard deviation within the batch.
 
     Raises:
-        ValueError: If a number is out of its range.
+        ValueError: If a number is out of range.
     """
 
     def __init__(
@@ -64,18 +64,19 @@ class GraphAugmentation:
         )
 
     def __call__(self, batch: Data, generator: Generator) -> Data:
-        """Change a batch.
+        """Augment a batch.
 
         Args:
-            batch: A graph, or graphs with the vectors `batch` and `ptr`; on the CPU, with image_size int64 [G, 2].
+            batch: A graph, or a batch of graphs with the vectors `batch` and `ptr`; on the CPU, with image_size
+                int64 [G, 2].
             generator: Source of all randomness, on the CPU.
 
         Returns:
-            A shallow copy with other `x` and `edge_attr`.
+            A shallow copy with new `x` and `edge_attr`.
 
         Raises:
-            ValueError: If the batch has fewer columns than the groups. More are a graph builder's own, which get noise
-                only.
+            ValueError: If the batch has fewer columns than the groups. Additional columns are those of the graph
+                builder; they only get noise.
         """
         for field, names in (("x", self._node), ("edge_attr", self._edge)):
             if batch[field].size(1) < len(names):
@@ -110,7 +111,7 @@ class GraphAugmentation:
             if name in self._edge:
                 edges[:, self._edge[name]] *= gain.mean(1)[edge_graph]
         if "color_distance" in self._edge and all(name in self._node for name in COLORS):
-            # Known exactly, with what is clipped and what becomes gray.
+            # Recompute it exactly, including the effects of clipping and gray.
             colors = nodes[:, [self._node[name] for name in COLORS]]
             source, target = batch.edge_index
             edges[:, self._edge["color_distance"]] = (colors[source] - colors[target]).norm(dim=1)

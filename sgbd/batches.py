@@ -1,4 +1,4 @@
-"""Batches of graphs for training, assembled fast from only the fields that training reads."""
+"""Fast assembly of training batches from only those graph fields that training reads."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ FIELDS = (
     "node_instance",
     "image_size",
 )
-"""What training reads of a graph. Label maps and overlap tables, which evaluation needs, are left behind."""
+"""The graph fields that training reads. Label maps and overlap tables are only needed for evaluation."""
 
 
 Fields = Mapping[str, torch.Tensor]
-"""The tensors of a graph by name. Putting them into a `Data` and taking them out again takes longer than reading."""
+"""The tensors of a graph by name. A mapping, because packing them into a `Data` takes longer than reading them."""
 
 
 class SupervisedGraphs(Dataset[Fields]):
     """A view of a dataset of graphs that keeps `FIELDS` only.
 
     Args:
-        graphs: Anything with a length that gives a `Data` for an index.
+        graphs: Any sequence of `Data`.
     """
 
     def __init__(self, graphs: Sequence[Data]) -> None:
@@ -46,13 +46,13 @@ class SupervisedGraphs(Dataset[Fields]):
 
 
 def collate(graphs: Sequence[Fields]) -> Data:
-    """Put graphs together into one with several components.
+    """Combine graphs into one batch.
 
-    The same numbers as `torch_geometric.data.Batch.from_data_list` gives for `FIELDS`, which for graphs of this size
-    takes longer than the training step itself; this takes a twentieth of it.
+    The result equals that of `torch_geometric.data.Batch.from_data_list` for `FIELDS`, in a twentieth of its time. For
+    graphs of this size, PyG's function takes longer than the training step.
 
     Args:
-        graphs: The fields of each graph; one that the first graph lacks must be missing from all.
+        graphs: The fields of each graph; all graphs must have the same fields.
 
     Returns:
         A `Data` with these fields, batch int64 [N], the graph of each node, and ptr int64 [G + 1], the first node of
@@ -66,7 +66,7 @@ def collate(graphs: Sequence[Fields]) -> Data:
         if name in ("edge_index", "edge_label_index"):
             batch[name] = torch.cat(pieces, dim=1)
             ends = list(accumulate(piece.size(1) for piece in pieces))
-            # In place, graph by graph: the first one stays as it is.
+            # Offset the node indices in place; those of the first graph need no offset.
             for k in range(1, len(pieces)):
                 batch[name][:, ends[k - 1] : ends[k]] += first[k]
         else:
@@ -81,18 +81,18 @@ def collate(graphs: Sequence[Fields]) -> Data:
 
 
 class EpochBatches:
-    """The batches of every epoch, in an order that the seed and the epoch alone decide.
+    """The batches of every epoch, in an order that depends only on the seed and the epoch.
 
     Args:
         graphs: Training graphs.
-        usable: int64 [U], which of them to use.
-        batch_size: Graphs in a batch of one process.
+        usable: int64 [U], indices of the graphs to use.
+        batch_size: Graphs per batch of each process.
         seed: Seed of the order.
-        num_workers: Processes that read graphs ahead; 0 reads in this one. It does not change the batches.
-        rank: Number of this training process.
-        world_size: Training processes; each gets its own share of the graphs, all of one size (a few graphs are
-            repeated where the number does not divide).
-        pin_memory: Whether batches are put into page-locked memory, for a GPU.
+        num_workers: Worker processes that read graphs ahead; 0 reads in this process. The batches do not depend on it.
+        rank: Rank of this training process.
+        world_size: Number of training processes. Each gets an equal share of the graphs; if the number of graphs is
+            not divisible, a few graphs are repeated.
+        pin_memory: Whether to put batches into page-locked memory, for a GPU.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class EpochBatches:
         pin_memory: bool = False,
     ) -> None:
         chosen = Subset(SupervisedGraphs(graphs), usable.tolist())
-        # The sampler adds the epoch to its seed: hashed first, the seeds 0 and 1 do not share their orders.
+        # The sampler adds the epoch to its seed. Without hashing, seed 0 in epoch 1 would equal seed 1 in epoch 0.
         self.order: DistributedSampler[Data] = DistributedSampler(
             chosen, num_replicas=world_size, rank=rank, seed=derived_seeds(seed)[0]
         )
@@ -119,7 +119,7 @@ class EpochBatches:
             collate_fn=collate,
             persistent_workers=num_workers > 0,
             pin_memory=pin_memory,
-            # Else every epoch would draw from the global generator.
+            # Otherwise every epoch would draw from the global generator.
             generator=torch.Generator(),
         )
 
@@ -127,13 +127,13 @@ class EpochBatches:
         return len(self.loader)
 
     def epoch(self, number: int) -> DataLoader[Data]:
-        """Return the batches of an epoch, to be iterated once."""
+        """Return the batches of an epoch, to be iterated over once."""
         self.order.set_epoch(number)
         return self.loader
 
 
 def batches_in_order(graphs: Sequence[Data], batch_size: int, num_workers: int = 0) -> DataLoader[Data]:
-    """Return batches of all graphs in the order of the dataset."""
+    """Return batches of all graphs, in the order of the dataset."""
     return DataLoader(
         SupervisedGraphs(graphs),
         batch_size=batch_size,
@@ -144,6 +144,6 @@ def batches_in_order(graphs: Sequence[Data], batch_size: int, num_workers: int =
 
 
 def derived_seeds(*numbers: int) -> tuple[int, int]:
-    """Hash numbers, such as seed, epoch and rank, into two seeds of 31 bits without visible relation to them."""
+    """Hash numbers, such as seed, epoch and rank, to two uncorrelated 31-bit seeds."""
     first, second = np.random.SeedSequence(numbers).generate_state(2)
     return int(first >> 1), int(second >> 1)

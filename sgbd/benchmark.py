@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 
 def run_benchmark(config: DictConfig) -> Report:
-    """Measure as configured; every table is printed as soon as it is there.
+    """Run the configured measurements, printing each table as soon as it is complete.
 
     Args:
         config: A configuration with the keys of conf/benchmark.yaml.
@@ -31,7 +31,7 @@ def run_benchmark(config: DictConfig) -> Report:
         The report.
 
     Raises:
-        ConfigurationError: If an option is impossible.
+        ConfigurationError: If an option is invalid.
     """
     sections = chosen_sections(config.sections)
     extent = configured_extent(config)

@@ -1,7 +1,7 @@
 """Calibrated scores: the probability that a segment is right, learned on validation frames.
 
 A segment is right if its intersection over union with a true object is above 0.75. A logistic regression on a few
-numbers of the segment predicts how likely that is (J. Platt, "Probabilistic outputs for support vector machines",
+features of the segment predicts the probability of this (J. Platt, "Probabilistic outputs for support vector machines",
 1999, extended to several inputs). Its coefficients are plain numbers in the recipe of a checkpoint.
 """
 
@@ -20,7 +20,7 @@ RIGHT_IOU = 0.75
 """A segment is right if its intersection over union with a true object is above this."""
 
 CLIP = 1e-3
-"""Probabilities are kept this far from 0 and 1 before their logit is taken."""
+"""Probabilities are clipped to this distance from 0 and 1 before their logit is taken."""
 
 SEGMENT_FEATURES = (
     "log_area",
@@ -32,15 +32,16 @@ SEGMENT_FEATURES = (
     "objectness",
     "objectness_least",
 )
-"""What the score of a segment is made of.
+"""Features of a segment from which its score is predicted.
 
-- log_area: log of its share of the image.
-- log_superpixels: log of their number.
-- inner_merge: logit of the mean merge probability of the edges inside, weighted by their border; inner_merge_least: of
-  the smallest.
-- outer_cut: logit of the mean cut probability of the edges to other segments, weighted by their border;
-  outer_merge_most: logit of the greatest merge probability of one of them.
-- objectness: logit of the mean over its pixels; least: of the smallest of a superpixel.
+- log_area: log of its area as a fraction of the image.
+- log_superpixels: log of its number of superpixels.
+- inner_merge: logit of the mean merge probability of its inner edges, weighted by border length; inner_merge_least:
+  logit of the smallest of these probabilities.
+- outer_cut: logit of the mean cut probability of its edges to other segments, weighted by border length;
+  outer_merge_most: logit of the greatest merge probability of these edges.
+- objectness: logit of the mean objectness over its pixels; objectness_least: logit of the smallest objectness of its
+  superpixels.
 """
 
 
@@ -52,20 +53,20 @@ def segment_features(
     border_length: npt.NDArray[np.floating],
     objectness: npt.NDArray[np.floating] | None,
 ) -> npt.NDArray[np.float64]:
-    """Describe the segments of a partition.
+    """Compute the features of a partition's segments.
 
     Args:
         segment: int64 [N], segment of each superpixel, 0..S-1.
         area: [N], pixels of each superpixel.
         pairs: int64 [2, E].
         probability: float [E], merge probabilities.
-        border_length: float [E], pixels, or another weight that the graph's builder gives its pairs; what is shorter
-            than one pixel, such as pairs that do not touch, counts like one.
+        border_length: float [E], pixels, or another weight set by the graph builder. Values below 1, such as those of
+            pairs that do not touch, count as 1.
         objectness: float [N]; None counts as 1.
 
     Returns:
-        float64 [S, F], columns as `SEGMENT_FEATURES`. A segment without inner or outer edges has nothing that speaks
-        against it there.
+        float64 [S, F], columns as in `SEGMENT_FEATURES`. A segment without inner or outer edges gets the values of
+        perfect ones.
     """
     count = int(segment.max(initial=-1)) + 1
     weight = np.maximum(border_length, 1).astype(np.float64)
@@ -105,17 +106,17 @@ def segment_features(
 
 
 class ScoreCalibration:
-    """A logistic regression from the numbers of a segment to the probability that it is right.
+    """A logistic regression from the features of a segment to the probability that it is right.
 
     Args:
-        features: Names of the columns it was fitted on; `SEGMENT_FEATURES`.
+        features: Names of the columns it was fitted on; must equal `SEGMENT_FEATURES`.
         center: Mean of each column.
         scale: Standard deviation of each column.
-        coefficients: One for each standardised column.
-        intercept: Added to their sum.
+        coefficients: Coefficient of each standardised column.
+        intercept: Intercept of the regression.
 
     Raises:
-        ValueError: If the columns are others than this version's, or the numbers are not one for each.
+        ValueError: If the columns differ from those of this version, or there is not one finite number per column.
     """
 
     def __init__(
@@ -148,18 +149,18 @@ class ScoreCalibration:
     def fit(
         cls, features: npt.NDArray[np.float64], right: npt.NDArray[np.bool_], penalty: float = 1.0
     ) -> ScoreCalibration:
-        """Fit on segments of known truth.
+        """Fit the regression to segments with known ground truth.
 
         Args:
-            features: float64 [K, F], of `segment_features`.
+            features: float64 [K, F], see `segment_features`.
             right: bool [K], whether each segment is right.
-            penalty: Weight of half the sum of squared coefficients beside the log loss, summed over segments; the
-                intercept is free, so the mean score is the share that is right.
+            penalty: Weight of half the sum of squared coefficients, added to the sum of the log losses. The intercept
+                is not penalised, so the mean score equals the fraction of right segments.
 
         Raises:
             ValueError: If all segments are right or all are wrong, so that nothing can be learned from them.
         """
-        # Here, not above: segmenting a frame should not wait for SciPy's optimizers to be imported.
+        # Imported here, so that segmenting a frame does not wait for SciPy's optimizers.
         from scipy.optimize import minimize
 
         if right.all() or not right.any():
@@ -183,14 +184,14 @@ class ScoreCalibration:
 
 
 def right_segments(table: ContingencyTable, count: int, iou: float = RIGHT_IOU) -> npt.NDArray[np.bool_]:
-    """Say which segments are right, bool [S]; pixels of unknown truth don't count, on either side.
+    """Decide which segments are right, bool [S]. Ignored pixels count neither for segments nor for instances.
 
     Args:
         table: Contingency table of the segments 0..S-1 and the true instances.
         count: Number of segments S.
         iou: Intersection over union above which a segment is right.
     """
-    from sgbd.metrics import FIRST_OBJECT  # here: segmenting needs the calibration, and does not wait for the metrics
+    from sgbd.metrics import FIRST_OBJECT  # imported here: segmenting a frame needs this module, but not the metrics
 
     right = np.zeros(count, dtype=np.bool_)
     shared = table.counts[:, table.instances >= FIRST_OBJECT]
@@ -201,10 +202,10 @@ def right_segments(table: ContingencyTable, count: int, iou: float = RIGHT_IOU) 
 
 
 def expected_calibration_error(scores: npt.NDArray[np.floating], right: npt.NDArray[np.bool_], bins: int = 10) -> float:
-    """Mean distance between what scores say and how often they are right, over bins of equal width.
+    """Return the expected calibration error of scores, with bins of equal width.
 
     M. P. Naeini, G. F. Cooper, M. Hauskrecht, "Obtaining well calibrated probabilities using Bayesian binning", AAAI
-    2015: the bins' |mean score - share right|, weighted by how many segments fall into each.
+    2015: the mean over the bins of |mean score - fraction right|, weighted by the number of segments in each bin.
 
     Args:
         scores: float [K], 0 to 1.
@@ -227,4 +228,4 @@ def _logit(p: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 def _logistic(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    return 0.5 + 0.5 * np.tanh(0.5 * x)  # 1 / (1 + exp(-x)) without its overflow
+    return 0.5 + 0.5 * np.tanh(0.5 * x)  # equals 1 / (1 + exp(-x)), but does not overflow

@@ -19,7 +19,7 @@ SECTIONS = ("scores", "failures", "pictures", "cost")
 
 @entry_point("compare")
 def main(config: DictConfig) -> None:
-    """Run all methods on the same frames; write tables and pictures of what was asked for."""
+    """Run all methods on the same frames, and write the tables and pictures of the chosen sections."""
     sections = list(config.sections)
     unknown = [name for name in sections if name not in SECTIONS]
     if unknown or not sections:

@@ -1,4 +1,4 @@
-"""Trained models, classical baselines and other systems, on the same frames with the same metrics."""
+"""Comparison of trained models, classical baselines and other systems on the same frames with the same metrics."""
 
 from __future__ import annotations
 
@@ -31,17 +31,16 @@ MODEL, BASELINE, LABEL_IMAGES = "model", "baseline", "label images"
 
 @dataclass(frozen=True)
 class Judged:
-    """One method's results on the frames.
+    """The results of one method on all frames.
 
     Attributes:
-        name: What the method is called.
-        kind: A trained model, a baseline, or a folder of label images.
+        name: Name of the method.
+        kind: `MODEL`, `BASELINE` or `LABEL_IMAGES`.
         evaluation: Its scores.
-        failures: What went wrong, frame by frame.
-        predict: Frame to the objects that count, int32 [H, W], 0 = not an object. For a method that does not say what
-            an object is, the truth has said it.
-        aided: Whether it has.
-        segmenter: Of a trained model.
+        failures: Its failures on each frame.
+        predict: Maps a frame to its predicted objects, int32 [H, W], 0 = not an object.
+        aided: Whether the ground truth decides which segments are objects, because the method does not.
+        segmenter: The segmenter of a trained model; None for other methods.
     """
 
     name: str
@@ -54,25 +53,25 @@ class Judged:
 
     @property
     def title(self) -> str:
-        """The name, and whether the truth has helped."""
+        """The name, marked if the method is aided by the ground truth."""
         return f"{self.name} (aided)" if self.aided else self.name
 
     @property
     def overlap_f(self) -> pd.Series:
-        """Overlap F of each frame, in the protocol that the method is judged by."""
+        """Overlap F of each frame: of the protocol `all` if the method is aided, else of `unaided`."""
         return self.evaluation.frames["overlap_f_measure" if self.aided else "unaided_overlap_f_measure"]
 
     @property
     def ranking(self) -> list[str]:
-        """Names of the frames, the one with the worst overlap F first."""
+        """Names of the frames, worst overlap F first."""
         return [str(name) for name in self.overlap_f.sort_values(kind="stable").index]
 
 
 def load_segmenters(config: DictConfig) -> dict[str, Segmenter]:
-    """Load the models that are compared.
+    """Load the trained models of a comparison.
 
     Args:
-        config: With `checkpoints` (files or folders of trainings by name), `output_dir` and `trust`.
+        config: A configuration with `checkpoints` (files or folders of trainings by name), `output_dir` and `trust`.
     """
     trust = tuple(config.trust)
     return {
@@ -82,13 +81,14 @@ def load_segmenters(config: DictConfig) -> dict[str, Segmenter]:
 
 
 def load_methods(config: DictConfig) -> dict[str, LabelMapMethod]:
-    """Make the baselines, and open the folders of label images, that are compared.
+    """Instantiate the baselines and open the folders of label images of a comparison.
 
     Args:
-        config: With `baseline` (classes by name), `predictions` (folders by name) and `first_object`.
+        config: A configuration with `baseline` (classes by name), `predictions` (folders by name), `checkpoints` and
+            `first_object`.
 
     Raises:
-        ConfigurationError: If two methods have one name.
+        ConfigurationError: If two methods have the same name.
     """
     baselines = {str(name): instantiate(node) for name, node in (config.get("baseline") or {}).items()}
     folders = {str(name): LabelImages(path, config.first_object) for name, path in (config.predictions or {}).items()}
@@ -104,9 +104,9 @@ def judge(config: DictConfig, source: FrameSource, workers: int) -> list[Judged]
     """Score all methods of a configuration.
 
     Args:
-        config: With the keys of conf/compare.yaml.
+        config: A configuration with the keys of conf/compare.yaml.
         source: The frames.
-        workers: Processes.
+        workers: Number of worker processes.
 
     Returns:
         The models, then the baselines, then the label images.
@@ -141,11 +141,11 @@ def judge_model(name: str, segmenter: Segmenter, source: FrameSource, config: Di
     """Score a trained model on prepared graphs, as `python -m sgbd.evaluate` does.
 
     Args:
-        name: What to call it.
+        name: Its name.
         segmenter: The model.
         source: The frames.
-        config: With `cache_dir`, `on_error` and `boundaries`.
-        workers: Processes that prepare graphs.
+        config: A configuration with `cache_dir`, `on_error` and `boundaries`.
+        workers: Number of processes that prepare graphs.
     """
     prepared = graphs_for(segmenter, source, config.cache_dir, workers, config.on_error)
     dataset = with_truth(prepared, config.on_error)
@@ -171,7 +171,7 @@ def judge_model(name: str, segmenter: Segmenter, source: FrameSource, config: Di
 
 
 class _Instances:
-    """What a segmenter takes for objects."""
+    """Maps a frame to the objects that a segmenter finds."""
 
     def __init__(self, segmenter: Segmenter) -> None:
         self.segmenter = segmenter
@@ -181,7 +181,7 @@ class _Instances:
 
 
 class _ChosenByTruth:
-    """The segments of a method most of which lies on true objects."""
+    """Maps a frame to those segments of a method that lie mostly on true objects."""
 
     def __init__(self, method: Callable[[Frame], npt.NDArray[np.int32]]) -> None:
         self.method = method

@@ -30,27 +30,27 @@ SHOWN = {
     "unaided/f75": "unaided F@.75",
     "unaided/boundary_f": "unaided boundary F",
 }
-"""Scores of the Markdown table; the CSV file holds all."""
+"""Scores in the Markdown table and their titles; the CSV file contains all scores."""
 
 
 def score_rows(judged: Sequence[Judged]) -> pd.DataFrame:
-    """Arrange the scores of methods: a row a method, with `kind`, `frames` and every score as `protocol/score`.
+    """Arrange the scores of methods in one row per method, with `kind`, `frames` and every score as `protocol/score`.
 
     Args:
-        judged: The methods.
+        judged: The results of each method.
 
     Returns:
-        The table, indexed by method; shares from 0 to 1, NaN where a method has no such score.
+        The table, indexed by method; fractions from 0 to 1, NaN if a method does not have the score.
     """
     rows = [{"kind": one.kind, "frames": len(one.evaluation.frames), **one.evaluation.scores} for one in judged]
     return pd.DataFrame(rows, index=pd.Index([one.name for one in judged], name="method"))
 
 
 def score_markdown(rows: pd.DataFrame) -> str:
-    """Return the scores that people compare, in per cent, as a Markdown table.
+    """Return the scores of `SHOWN`, in per cent, as a Markdown table.
 
     Args:
-        rows: As in `score_rows`.
+        rows: The table of `score_rows`.
     """
     shown = {score: title for score, title in SHOWN.items() if score in rows}
     cells = (100 * rows[list(shown)]).map(lambda value: "–" if np.isnan(value) else f"{value:.1f}")
@@ -64,8 +64,8 @@ def write_scores(judged: Sequence[Judged], folder: Path) -> str:
     """Write `comparison.csv`, `comparison.md` and, for each method, the files of an evaluation.
 
     Args:
-        judged: The methods.
-        folder: Where to.
+        judged: The results of each method.
+        folder: Output folder.
 
     Returns:
         The Markdown table.
@@ -80,13 +80,13 @@ def write_scores(judged: Sequence[Judged], folder: Path) -> str:
 
 
 def write_failures(judged: Sequence[Judged], source: FrameSource, folder: Path, worst: int) -> str:
-    """Write what went wrong: `failures.csv`, `failures.md` with pictures of the worst frames, and a table each.
+    """Write `failures.csv`, `failures.md` with pictures of the worst frames, and a `failures.csv` for each method.
 
     Args:
-        judged: The methods.
+        judged: The results of each method.
         source: The frames.
-        folder: Where to.
-        worst: How many frames of each method to draw, those with most failures.
+        folder: Output folder.
+        worst: Number of frames to draw for each method: those with the most failures.
 
     Returns:
         The Markdown table of the counts.
@@ -126,18 +126,18 @@ def _kinds_of(failures: Failures) -> list[str]:
 
 
 def write_grids(judged: Sequence[Judged], source: FrameSource, folder: Path, count: int) -> list[Path]:
-    """Draw figure grids of the best, the middling and the worst frames.
+    """Draw figure grids of the best, the median and the worst frames.
 
     Args:
-        judged: The methods. Those frames are chosen that are the first model's (or the first method's) best, median and
-            worst.
+        judged: The results of each method.
         source: The frames.
-        folder: Where to.
-        count: Frames of each of the three.
+        folder: Output folder.
+        count: Number of best, of median and of worst frames.
 
     Returns:
-        The files: for each model its frames with superpixels, edge probabilities, prediction and truth; and
-        `methods.png`, the predictions of all methods side by side.
+        The files: for each model, its own best, median and worst frames with superpixels, edge probabilities,
+        prediction and ground truth; and `methods.png`, the predictions of all methods side by side on the best, median
+        and worst frames of the first method.
     """
     frames = _frames_by_name(source)
     paths = []
@@ -153,7 +153,7 @@ def write_grids(judged: Sequence[Judged], source: FrameSource, folder: Path, cou
     predictions = {
         one.title: [one.predict(frame) for _, frame in rows]
         for one in judged
-        # Label images may lack for a frame that the first method has.
+        # The first method may have frames for which another method has no label image.
         if all(name in one.evaluation.frames.index for name in chosen)
     }
     paths.append(write_figure(methods_figure(rows, predictions), folder / "pictures" / "methods.png"))
@@ -164,16 +164,16 @@ def best_median_worst(ranking: Sequence[str], count: int) -> dict[str, str]:
     """Choose frames from both ends and the middle of a ranking.
 
     Args:
-        ranking: Names, the worst first.
-        count: How many of each; fewer if there are not three times as many.
+        ranking: Names of frames, worst first.
+        count: Number of frames of each kind; fewer if there are not enough frames.
 
     Returns:
-        "best", "median" or "worst" by name, the best first.
+        "best", "median" or "worst" by name of the frame, best first.
     """
     last, middle = len(ranking) - 1, (len(ranking) - 1) / 2
     places = {"best": range(last, -1, -1), "median": sorted(range(last + 1), key=lambda k: abs(k - middle))}
     chosen: dict[str, str] = {}
-    # Worst before median: of few frames the ends matter more.
+    # Worst before median: if there are few frames, the extremes matter more.
     for place, order in (("best", places["best"]), ("worst", range(last + 1)), ("median", places["median"])):
         free = [ranking[k] for k in order if ranking[k] not in chosen]
         chosen |= dict.fromkeys(free[:count], place)

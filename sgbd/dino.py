@@ -1,4 +1,4 @@
-"""Attention of a self-supervised vision transformer as node features: the paper's implicit features."""
+"""Attention of a self-supervised vision transformer as node features (the implicit features of the paper)."""
 
 from __future__ import annotations
 
@@ -21,35 +21,35 @@ if TYPE_CHECKING:
     from transformers import ViTModel
 
 IMAGE_MEAN, IMAGE_STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-"""Moments of ImageNet's colours, by which the networks were trained to expect their input scaled."""
+"""Mean and standard deviation of ImageNet's colours, by which the network's input must be standardised."""
 
 INTERPOLATIONS = ("bilinear", "nearest")
 _ATTENTION = "sgbd_class_token"
 _unreachable: dict[str, str] = {}
-"""Names whose weights this process could not get, and why: a hub that does not answer is waited for once, not by every
-job of a sweep."""
+"""Names whose weights this process could not load, with the reason: a process waits only once for a hub that does not
+answer, not in every job of a sweep."""
 
 
 class DinoAttention(NodeBlock):
-    """Attention of the [CLS] token of a vision transformer's last block, one column for each head.
+    """Attention of the [CLS] token in the last block of a vision transformer, one column per head.
 
-    Trained without labels, the heads of DINO (M. Caron et al., "Emerging properties in self-supervised vision
-    transformers", ICCV 2021, doi:10.1109/ICCV48922.2021.00951) attend to what stands out as an object. The paper pools
-    the six heads of ViT-S over each superpixel.
+    The heads of DINO (M. Caron et al., "Emerging properties in self-supervised vision transformers", ICCV 2021,
+    doi:10.1109/ICCV48922.2021.00951), trained without labels, attend to salient objects. The paper pools the six heads
+    of ViT-S over each superpixel.
 
-    The network sees the whole frame at its own size (stretched to whole patches); its position encoding is
-    interpolated as by its authors.
+    The network sees the whole frame at its original size (stretched to whole patches). Its position encoding is
+    interpolated as its authors do.
 
     Args:
         weights: Name on the Hugging Face hub, such as `facebook/dino-vits16`, or a local folder with `config.json` and
             `model.safetensors` of a `ViTModel`.
-        normalize: Stretch the attention of each head to 0..1 within the image, as the paper does. Otherwise it is the
-            softmax's share of the patch times the number of patches, so that 1 is even attention at any image size.
-        interpolation: How patches become pixels: `bilinear` or `nearest`.
-        batch_size: Images that go through the network at once.
-        device: `auto` (a GPU where there is one), `cpu`, `cuda`, ...
-        weights_digest: SHA-256 of the weights that must be found; None for any. A checkpoint carries that of the
-            weights it was trained with.
+        normalize: Scale the attention of each head to 0..1 within the image, as the paper does. Otherwise it is the
+            softmax weight of the patch times the number of patches, so that uniform attention is 1 at any image size.
+        interpolation: Interpolation from patches to pixels: `bilinear` or `nearest`.
+        batch_size: Images per forward pass.
+        device: `auto` (a GPU if there is one), `cpu`, `cuda`, ...
+        weights_digest: Required SHA-256 of the weights; None accepts any. Checkpoints store the digest of the weights
+            they were trained with.
 
     Raises:
         ValueError: If an argument is out of range.
@@ -81,11 +81,11 @@ class DinoAttention(NodeBlock):
 
     @cached_property
     def model(self) -> ViTModel:
-        """The network, read on first use, in evaluation mode on its device.
+        """The network in evaluation mode on its device, loaded on first use.
 
         Raises:
-            MissingWeightsError: If `transformers` or the weights are not there.
-            NodeBlockError: If they are no complete `ViTModel`, or not those of `weights_digest`.
+            MissingWeightsError: If `transformers` or the weights are missing.
+            NodeBlockError: If the weights are not a complete `ViTModel`, or do not match `weights_digest`.
         """
         try:
             from transformers import AttentionInterface, ViTModel
@@ -138,11 +138,11 @@ class DinoAttention(NodeBlock):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """`dino_0`, `dino_1`, ..., one for each head."""
+        """Column names `dino_0`, `dino_1`, ..., one per head."""
         return tuple(f"{self.group}_{head}" for head in range(self.model.config.num_attention_heads))
 
     def recipe(self) -> dict[str, Any]:
-        """Return the configuration that makes this block again, with the digest of the weights it has found."""
+        """Return the configuration that recreates this block, with the digest of its weights."""
         return {
             "_target_": f"{type(self).__module__}.{type(self).__qualname__}",
             "weights": self.weights,
@@ -152,11 +152,11 @@ class DinoAttention(NodeBlock):
         }
 
     def cache_key(self) -> dict[str, Any]:
-        """As in `NodeBlock`: equal weights give equal columns, wherever they were found."""
+        """Return the cache key of `NodeBlock`, without the location of the weights: their digest identifies them."""
         return {key: value for key, value in super().cache_key().items() if key != "weights"}
 
     def planes(self, images: Sequence[npt.NDArray[np.uint8]]) -> list[Planes]:
-        """Compute the attention to every pixel; see `NodeBlock.planes`. Images of one size share batches."""
+        """Compute the attention to every pixel (`NodeBlock.planes`). Consecutive images of one size share batches."""
         return [plane for batch in self._batches(images) for plane in self._attention(batch)]
 
     def _batches(self, images: Sequence[npt.NDArray[np.uint8]]) -> Iterator[npt.NDArray[np.uint8]]:
@@ -175,7 +175,7 @@ class DinoAttention(NodeBlock):
         if (rows * patch, columns * patch) != (height, width):
             pixels = interpolate(pixels, (rows * patch, columns * patch), mode="bilinear", antialias=True)
         output = model((pixels - mean) / std, interpolate_pos_encoding=True, output_attentions=True)
-        # [B, M, 1, 1 + patches]: what the [CLS] token attends to; the first is itself.
+        # [B, M, 1, 1 + patches]: the attention of the [CLS] token to all tokens, of which it is the first.
         attention = output.attentions[-1][:, :, 0, 1:].unflatten(2, (rows, columns))
         if self.normalize:
             low, high = attention.amin((2, 3), keepdim=True), attention.amax((2, 3), keepdim=True)
@@ -187,7 +187,7 @@ class DinoAttention(NodeBlock):
         return upsampled
 
     def __getstate__(self) -> dict[str, Any]:
-        # Weights are read again by a process that gets this: cheaper than to send them.
+        # A process that receives this block loads the weights again, which is cheaper than pickling them.
         return {key: value for key, value in self.__dict__.items() if key != "model"}
 
 
@@ -201,9 +201,9 @@ def _attend_and_tell_class_token(
     dropout: float = 0.0,
     **_: Any,
 ) -> tuple[Tensor, Tensor]:
-    """Attend as ever, and give the weights of the first token alone.
+    """Compute scaled dot-product attention, and return it with only the attention weights of the first token.
 
-    All weights of 4800 patches (ViT-S/8 on 640 x 480) would take half a gigabyte a block; one row takes 100 KiB.
+    All weights of 4800 patches (ViT-S/8 on 640 x 480) would take half a gigabyte per block; one row takes 100 KiB.
     """
     scale = query.shape[-1] ** -0.5 if scaling is None else scaling
     attended = scaled_dot_product_attention(query, key, value, attn_mask=attention_mask, scale=scale)

@@ -17,7 +17,7 @@ from sgbd.segmenter import Segmenter
 
 @entry_point("evaluate")
 def main(config: DictConfig) -> None:
-    """Prepare the frames with the checkpoint's recipe, score the model on them, write tables and pictures."""
+    """Prepare the frames with the checkpoint's recipe, score the model on them, and write tables and pictures."""
     if config.predictions is not None:
         _score_label_images(config)
         return
@@ -39,11 +39,11 @@ def main(config: DictConfig) -> None:
     )
     evaluation = evaluate(dataset, segmenter.model, segmenter.objectness, progress=True)
     out = output_folder()
-    # What was scored on what, for whoever finds the folder.
+    # Record what was scored, and on which frames.
     OmegaConf.save(config, out / "config.yaml")
     write_evaluation(evaluation, out)
     draw_examples(example_frames(evaluation, config.pictures), evaluation, source, segmenter, out)
-    # Which ones, and why, the preparation has said.
+    # The preparation has logged which frames it skipped, and why.
     skipped = f" ({len(dataset.skipped)} more skipped, see above)" if dataset.skipped else ""
     frames = f"{len(dataset)} frame{'s'[: len(dataset) != 1]} of {source.split}{skipped}"
     print(f"\n{path} on {frames}, per cent:\n\n{markdown(evaluation)}\n")
