@@ -21,7 +21,7 @@ MODEL_FILE = "model.onnx"
 
 @entry_point("export")
 def main(config: DictConfig) -> None:
-    """Export, check, and only then write; say how well and how fast the files compute the same."""
+    """Export the networks, check them against PyTorch, write the files, and print agreement and speed."""
     if not isinstance(config.repeats, int) or config.repeats < 0:
         raise ConfigurationError(f"repeats must be an integer of at least 0; got {config.repeats!r}")
     if not isinstance(config.output, str) or not config.output:
@@ -31,7 +31,7 @@ def main(config: DictConfig) -> None:
     path = Path(config.output).expanduser()
     stages = files_of_stages(Checkpoint.load(source, trust), path / MODEL_FILE if path.is_dir() else path)
     checked = []
-    # Both of two stages are checked before either is written: one without the other is of no use.
+    # Check both stages before writing either, because one is useless without the other.
     for file, checkpoint in stages.items():
         log.info(
             "Exporting %s with the inputs %s and the outputs %s in ONNX opset %s",
@@ -49,14 +49,15 @@ def main(config: DictConfig) -> None:
 
 
 def files_of_stages(checkpoint: Checkpoint, path: Path) -> dict[Path, Checkpoint]:
-    """Say which file each network of a checkpoint goes to.
+    """Return the output file of each stage of a checkpoint.
 
     Args:
-        checkpoint: A model, with the first stage that it may build upon.
-        path: Where the model goes.
+        checkpoint: A model, with its first stage if it has one.
+        path: File of the model.
 
     Returns:
-        The checkpoint of each file: `path`, and beside `model.onnx` the first stage as `model.first_stage.onnx`.
+        The checkpoint to write to each file: `path` for the model, and `model.first_stage.onnx` beside `model.onnx` for
+        its first stage.
     """
     files = {path: checkpoint}
     if checkpoint.first_stage is not None:
@@ -66,7 +67,7 @@ def files_of_stages(checkpoint: Checkpoint, path: Path) -> dict[Path, Checkpoint
 
 
 def table(checks: Sequence[Check]) -> str:
-    """Return the agreement and the speed on every graph as a Markdown table."""
+    """Return the agreement and the speed on each graph as a Markdown table."""
     rows = []
     for row in checks:
         cells = {"nodes": str(row.nodes), "pairs": str(row.pairs), "largest difference": f"{row.difference:.1e}"}

@@ -1,4 +1,4 @@
-"""Failures on the objects of a frame, each assigned to exactly one kind."""
+"""Classification of segmentation failures, each assigned to exactly one kind."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WITH_TABLE = "merged with table"
 TABLE_AS_OBJECT = "table taken for object"
 
 KINDS = (SUPERPIXEL_LEAK, MISSED, OVER_SPLIT, OVER_MERGED, WITH_TABLE)
-"""Kinds of failures of true objects, in the order that decides between equals."""
+"""Kinds of failures on true objects, in order of precedence for ties."""
 
 
 @dataclass(frozen=True)
@@ -29,10 +29,10 @@ class Failures:
     """The failures of one frame.
 
     Attributes:
-        name: Of the frame.
+        name: Name of the frame.
         objects: Number of true objects.
-        kind_of_object: What went wrong with each true object that was not found, one of `KINDS`, by its id.
-        false_objects: Labels of the predicted objects most of which lies on no true object ("table taken for object").
+        kind_of_object: The kind of failure (one of `KINDS`) of each true object that was not found, by its id.
+        false_objects: Labels of predicted objects that lie mostly on no true object ("table taken for object").
         predicted: Number of predicted objects.
     """
 
@@ -57,25 +57,25 @@ class Failures:
 def classify_failures(
     table: ContingencyTable, objects: ArrayLike, oracle: ContingencyTable | None = None, name: str = ""
 ) -> Failures:
-    """Say what went wrong with each object of a frame.
+    """Classify the failures on the objects of a frame.
 
-    A true object is found if its match has an F-measure above 0.75, as in F@.75 (`sgbd.metrics.overlap`). One that is
-    not found is a *superpixel leak* if the best partition of the superpixels does not find it either. Otherwise the
-    predicted object that covers most of it is looked at, and the failure is called by what spoils it most, in pixels:
+    A true object is found if its match has an F-measure above 0.75, as in F@.75 (`sgbd.metrics.overlap`). An object
+    that was not found is a *superpixel leak* if the best partition of the superpixels does not find it either.
+    Otherwise its failure is the largest of these errors, in pixels, of the predicted object that covers most of it:
 
     - *missed*: pixels of the object on no predicted object (all of them, if nothing covers it);
     - *over-split*: pixels of the object on other predicted objects;
     - *over-merged*: pixels of that predicted object on other true objects;
     - *merged with table*: pixels of that predicted object on the supporting surface or the background.
 
-    A predicted object most of whose pixels lie on no true object is a *table taken for object*.
+    A predicted object that lies mostly on no true object is a *table taken for object*.
 
     Args:
         table: The contingency table of the frame.
         objects: Labels of the predicted objects.
         oracle: The contingency table of the best partition of the superpixels (`sgbd.metrics.oracle`); None if there
-            are no superpixels, and so no leaks.
-        name: Of the frame.
+            are no superpixels, and thus no leaks.
+        name: Name of the frame.
 
     Returns:
         The failures.
@@ -120,7 +120,7 @@ def failure_counts(failures: Sequence[Failures]) -> dict[str, int]:
     """Count the failures of many frames by kind.
 
     Args:
-        failures: Of each frame.
+        failures: The failures of each frame.
 
     Returns:
         `objects`, `found`, one entry for each of `KINDS`, `predicted`, and `table taken for object`.
@@ -137,13 +137,13 @@ def failure_counts(failures: Sequence[Failures]) -> dict[str, int]:
 
 
 def failure_table(failures: Sequence[Failures]) -> pd.DataFrame:
-    """Arrange the failures of many frames: a row a frame, indexed by name, with the columns of `failure_counts`.
+    """Arrange the failures of many frames in one row per frame, indexed by name, with the columns of `failure_counts`.
 
     Args:
-        failures: Of each frame.
+        failures: The failures of each frame.
 
     Returns:
-        The table, the frame with most failures first.
+        The table, the frame with the most failures first.
     """
     ranked = sorted(failures, key=lambda frame: -frame.total)
     rows = [failure_counts([frame]) for frame in ranked]

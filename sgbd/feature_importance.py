@@ -1,4 +1,4 @@
-"""python -m sgbd.feature_importance: which features show a random forest that two superpixels belong together."""
+"""python -m sgbd.feature_importance: which features a random forest uses to decide whether two superpixels merge."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ class PairTable:
     """Pairs of superpixels as rows of a table.
 
     Attributes:
-        x: float32 [P, C]: node features of both ends and edge features.
-        merge: bool [P], whether both ends belong to one instance.
-        columns: For each feature its columns in `x`: two for one of nodes, one for one of edges.
+        x: float32 [P, C], node features of both superpixels, then edge features.
+        merge: bool [P], whether both superpixels belong to the same instance.
+        columns: The columns of each feature in `x`: two for a node feature, one for an edge feature.
     """
 
     x: Values
@@ -56,12 +56,12 @@ def pair_table(
     node_names: Sequence[str],
     edge_names: Sequence[str],
 ) -> PairTable:
-    """Draw labelled pairs, as many from each of some graphs.
+    """Draw labelled pairs, the same number from each of a random subset of graphs.
 
     Args:
-        graphs: Graphs with truth.
-        pairs: How many pairs; four are drawn from each of a quarter as many graphs, more if there are fewer graphs.
-        merge_share: Share of merges among them.
+        graphs: Graphs with ground truth.
+        pairs: Number of pairs. Four are drawn from each of pairs / 4 graphs; more per graph if there are fewer graphs.
+        merge_share: Fraction of merges among the pairs.
         generator: Source of randomness.
         node_names: Names of the columns of `x`.
         edge_names: Names of the columns of `edge_attr`.
@@ -70,14 +70,14 @@ def pair_table(
         The table.
 
     Raises:
-        ConfigurationError: If there are not enough labelled pairs, or merges only, or cuts only.
+        ConfigurationError: If there are too few labelled pairs, only merges, or only cuts.
     """
     each = max(4, -(-pairs // len(graphs)))
     order = torch.randperm(len(graphs), generator=generator)[: -(-pairs // each)].tolist()
     fields = SupervisedGraphs(graphs)
     drawn = BalancedEdgeSampler(each, merge_share)(collate([fields[index] for index in order]), generator)
     index, labels = drawn.edge_label_index, drawn.edge_label
-    # Rows come graph by graph: the last graph must not lose its pairs to the rounding.
+    # Rows are ordered by graph. Drop surplus rows at random, so that not only the last graph loses pairs.
     kept = torch.randperm(index.shape[1], generator=generator)[:pairs]
     index, labels = index[:, kept], labels[kept]
     if len(labels) < pairs or labels.min() == labels.max():
@@ -97,22 +97,24 @@ def pair_table(
 def forest_importance(
     train: PairTable, held_out: PairTable, trees: int, seed: int, shuffles: int = 10
 ) -> tuple[pd.DataFrame, float]:
-    """Train a random forest and measure what it makes of each feature.
+    """Train a random forest and measure the importance of each feature.
 
-    A node feature is two columns, one of each end: their shares of impurity are added, and they are shuffled together.
-    (scikit-learn's own permutation importance shuffles single columns; the other end would give the feature away.)
+    A node feature has two columns, one for each superpixel. Their impurity importances are added, and they are shuffled
+    together. (scikit-learn's permutation importance shuffles single columns, so the column of the other superpixel
+    would still carry the information.)
 
     Args:
         train: Pairs to train on.
-        held_out: Pairs of other frames, on which features are shuffled.
+        held_out: Pairs from other frames, on which features are shuffled.
         trees: Number of trees.
-        seed: Fixes the forest and the shuffles.
-        shuffles: How often each feature is shuffled.
+        seed: Seed of the forest and of the shuffles.
+        shuffles: Number of times each feature is shuffled.
 
     Returns:
-        A row each feature with `impurity` (mean decrease of Gini impurity; all add up to 1) and `permutation` (mean
-        loss of balanced accuracy on the held-out pairs when the feature is shuffled; see L. Breiman, "Random forests",
-        Machine Learning 45, 2001, doi:10.1023/A:1010933404324); and the balanced accuracy on the held-out pairs.
+        One row per feature with `impurity` (mean decrease of Gini impurity; the values add up to 1) and `permutation`
+        (mean loss of balanced accuracy on the held-out pairs when the feature is shuffled; see L. Breiman, "Random
+        forests", Machine Learning 45, 2001, doi:10.1023/A:1010933404324); and the balanced accuracy on the held-out
+        pairs.
 
     Raises:
         NotAvailableError: If scikit-learn is not installed.
@@ -144,7 +146,7 @@ def _balanced_accuracy(forest: RandomForestClassifier, x: Values, merge: npt.NDA
 
 
 def summarize(runs: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """Return mean and sample standard deviation over runs, the most important feature (by permutation) first."""
+    """Return mean and sample standard deviation over runs, sorted by descending permutation importance."""
     stacked = pd.concat(runs, keys=range(len(runs)), names=["run", "feature"])
     groups = stacked.groupby("feature", sort=False)
     deviations = groups.std().add_suffix(" std")
@@ -152,10 +154,10 @@ def summarize(runs: Sequence[pd.DataFrame]) -> pd.DataFrame:
 
 
 def importance_figure(summary: pd.DataFrame) -> Figure:
-    """Draw both importances as bars, with the deviation over the runs.
+    """Draw both importances as bars, with the standard deviation over the runs.
 
     Args:
-        summary: As `summarize` returns it.
+        summary: The table of `summarize`.
 
     Returns:
         A figure, made without pyplot.

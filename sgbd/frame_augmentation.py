@@ -1,4 +1,4 @@
-"""Augmentation of training frames, before superpixels: a different camera, lighting and sensor."""
+"""Augmentation of training frames, before over-segmentation: a different camera, lighting and sensor."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ Floats = npt.NDArray[np.float32]
 
 @dataclass(frozen=True)
 class FrameAugmentation:
-    """A random change of a frame that keeps what belongs together: colours, depth, truth and camera.
+    """A random change of a frame that keeps colours, depth, ground truth and camera consistent.
 
-    `sgbd.augmentation.GraphAugmentation` changes graphs, anew in every epoch and for free; this changes what
-    superpixels are made from, and costs the preparation of another graph.
+    `sgbd.augmentation.GraphAugmentation` changes graphs, anew in every epoch and at no cost. This class changes the
+    frames from which superpixels are computed, so every augmented frame needs another graph to be prepared.
 
     Attributes:
-        mirror: Share of frames mirrored left to right.
-        crop: A window of at least this share of the width (and as much of the height), drawn at random, is enlarged to
-            the size of the frame, as by a longer lens; 1 leaves frames whole.
+        mirror: Fraction of frames that are mirrored left to right.
+        crop: A random window of at least this fraction of the width (and the same fraction of the height) is enlarged
+            to the size of the frame, like a longer focal length; 1 keeps the whole frame.
         gain: Standard deviation of the logarithm of each colour channel's gain.
-        contrast: Standard deviation of the logarithm of the exponent of all colours.
-        color_noise: Largest standard deviation of noise on colours, of 255.
-        depth_noise: Largest standard deviation of noise on depth at 1 m, metres; it grows with the square of the depth
-            (K. Khoshelham, S. O. Elberink, Sensors 12(2), 2012, doi:10.3390/s120201437).
-        holes: Largest share of pixels whose depth is lost, in blots.
+        contrast: Standard deviation of the logarithm of the exponent applied to all colours.
+        color_noise: Maximum standard deviation of the noise on colours, on the scale 0 to 255.
+        depth_noise: Maximum standard deviation of the noise on depth at 1 m, metres; it grows with the square of the
+            depth (K. Khoshelham, S. O. Elberink, Sensors 12(2), 2012, doi:10.3390/s120201437).
+        holes: Maximum fraction of pixels whose depth is removed, in blobs.
 
     Raises:
-        ValueError: On construction, if a number is out of its range.
+        ValueError: On construction, if a number is out of range.
     """
 
     mirror: float = 0.5
@@ -45,10 +45,10 @@ class FrameAugmentation:
     holes: float = 0.1
 
     def __post_init__(self) -> None:
-        """Check the numbers.
+        """Validate the numbers.
 
         Raises:
-            ValueError: If one is out of its range.
+            ValueError: If one is out of range.
         """
         shares = 0 <= self.mirror <= 1 and 0 < self.crop <= 1 and 0 <= self.holes < 1
         if not shares or min(self.gain, self.contrast, self.color_noise, self.depth_noise) < 0:
@@ -58,14 +58,14 @@ class FrameAugmentation:
             )
 
     def __call__(self, frame: Frame, rng: np.random.Generator) -> Frame:
-        """Change a frame.
+        """Augment a frame.
 
         Args:
-            frame: The frame; its camera is the default one if it has none.
+            frame: The frame; without intrinsics, the default camera is used.
             rng: Source of all randomness.
 
         Returns:
-            A frame of the same size. Objects that are out of the window are gone from its truth.
+            A frame of the same size. Objects outside the window are removed from its ground truth.
         """
         frame = replace(frame, intrinsics=frame.camera)
         frame = self._cropped(frame, rng)
@@ -80,7 +80,7 @@ class FrameAugmentation:
             int(rng.integers(full - part + 1)) for full, part in ((frame.width, width), (frame.height, height))
         )
         if not frame.depth[top : top + height, left : left + width].any():
-            # A window without any depth is no frame.
+            # A window without any depth would not be a valid frame.
             return frame
         return enlarged(frame, left, top, width, height)
 
@@ -102,7 +102,7 @@ class FrameAugmentation:
 
 
 def mirrored(frame: Frame) -> Frame:
-    """Mirror a frame left to right, with its camera."""
+    """Mirror a frame and its camera left to right."""
     camera = frame.camera
     return replace(
         frame,
@@ -114,23 +114,24 @@ def mirrored(frame: Frame) -> Frame:
 
 
 def enlarged(frame: Frame, left: int, top: int, width: int, height: int) -> Frame:
-    """Show a window of a frame at the frame's size.
+    """Enlarge a window of a frame to the frame's size.
 
     Args:
         frame: The frame.
         left: First column of the window.
-        top: First row.
-        width: Its width, pixels.
-        height: Its height, pixels.
+        top: First row of the window.
+        width: Width of the window, pixels.
+        height: Height of the window, pixels.
 
     Returns:
-        Colours interpolated, depth and truth taken from the nearest pixel, and the camera that would have seen it so.
+        The enlarged frame: colours are interpolated, depth and ground truth are taken from the nearest pixel, and the
+        intrinsics match the enlarged image.
     """
     window = np.s_[top : top + height, left : left + width]
     size = (frame.height, frame.width)
     wide, high = frame.width / width, frame.height / height
     camera = frame.camera
-    # Pixel centres: column c of the window is column (c + 1/2) * wide - 1/2 of the result.
+    # Pixel centres: column c of the window becomes column (c + 1/2) * wide - 1/2 of the result.
     rows = ((np.arange(frame.height) + 0.5) / high).astype(np.intp)
     columns = ((np.arange(frame.width) + 0.5) / wide).astype(np.intp)
     nearest = np.ix_(rows, columns)
@@ -152,7 +153,7 @@ def enlarged(frame: Frame, left: int, top: int, width: int, height: int) -> Fram
 
 
 def _grain(shape: tuple[int, ...], size: float, rng: np.random.Generator) -> Floats:
-    """Draw noise of standard deviation 1 whose grains are about `size` pixels."""
+    """Draw noise of standard deviation 1 with a grain of about `size` pixels."""
     noise = gaussian_filter(rng.standard_normal(shape, dtype=np.float32), size)
     spread = float(noise.std())
     return noise / np.float32(spread) if spread > 0 else noise

@@ -1,9 +1,13 @@
-"""A graph in a file: a PyG `Data` as plain tensors in safetensors format, without executable content, restored exactly.
+"""Graph files: lossless storage of a graph as plain tensors in safetensors format, without executable content.
 
-Redundant values are stored once, in the smallest dtype: integers (and floats with small integer values) in the smallest
-dtype that restores every value; only the first half of `edge_index` if the second is its reverse; the second half of
-`edge_attr` only in the columns where the two directions differ; `edge_label_index` not at all if it equals the first
-half of `edge_index`. The metadata records these steps, so that reading can undo them.
+Redundant values are stored once, and in the smallest dtype:
+
+- integers, and floats with small integer values, are stored in the smallest dtype that restores every value;
+- the second half of `edge_index` is left out if it is the reverse of the first;
+- the second half of `edge_attr` is stored only in the columns where the two directions differ;
+- `edge_label_index` is left out if it equals the first half of `edge_index`.
+
+The metadata records these steps, so that reading can undo them.
 """
 
 from __future__ import annotations
@@ -25,35 +29,35 @@ from safetensors.numpy import save
 from sgbd.graph_arrays import GraphArrays
 from sgbd.machine.atomic_file import write_whole
 
-if TYPE_CHECKING:  # imported where graphs are read: to write them needs neither, and workers hold neither in memory
+if TYPE_CHECKING:  # imported when graphs are read; writing needs neither, so workers do not load them
     from torch import Tensor
     from torch_geometric.data import Data
 
 FORMAT_VERSION = 1
-"""Raised whenever graphs in old files would be read wrongly, or the same frames give other graphs."""
+"""Increased whenever old files would be misread, or the same frames give different graphs."""
 
 SUFFIX = ".safetensors"
 
-_METADATA = "graph"  # one key: safetensors does not keep the order of several, and files must not differ
+_METADATA = "graph"  # one key only: safetensors does not keep the order of keys, and equal graphs need equal files
 _REVERSED, _REVERSED_COLUMNS = "edge_attr.reversed", "edge_attr.reversed_columns"
 _NARROW_INTEGERS = (np.uint8, np.int8, np.int16, np.int32)
 _NARROW_FLOATS = (np.int8, np.int16)
 
 
 class GraphFileError(RuntimeError):
-    """A file that does not hold a readable graph, or cannot be written; the message says which and what to do."""
+    """A graph file cannot be read or written; the message says which file and what to do."""
 
 
 @dataclass(frozen=True, slots=True)
 class GraphSummary:
-    """What a graph file tells of its graph without its tensors being read.
+    """Summary of a graph, readable from its file without reading the tensors.
 
     Attributes:
-        made_from: Fingerprint of the frame it was made from.
+        made_from: Fingerprint of the frame that the graph was built from.
         nodes: Number of superpixels.
         edges: Number of adjacencies.
-        merges: Adjacencies labelled 1 (merge).
-        cuts: Adjacencies labelled 0 (cut).
+        merges: Number of adjacencies labelled 1 (merge).
+        cuts: Number of adjacencies labelled 0 (cut).
         bytes: Size of the file.
     """
 
@@ -66,18 +70,18 @@ class GraphSummary:
 
 
 def write_graph(path: Path, graph: Data | GraphArrays, made_from: str) -> GraphSummary:
-    """Write a graph atomically: `path` holds all of it or what it held before.
+    """Write a graph atomically: if writing fails, an existing file stays unchanged.
 
     Args:
-        path: File to write; its folder exists.
-        graph: Graph with tensors or arrays, strings and plain numbers as fields.
-        made_from: Fingerprint of the frame it was made from.
+        path: File to write; its folder must exist.
+        graph: Graph whose fields are tensors or arrays, strings and plain numbers.
+        made_from: Fingerprint of the frame that the graph was built from.
 
     Returns:
-        The summary that the file also holds.
+        The summary, which is also stored in the file.
 
     Raises:
-        GraphFileError: If the file cannot be written, for instance because the disk is full.
+        GraphFileError: If the file cannot be written, for example because the disk is full.
         TypeError: If a field is neither a tensor or array nor a string, number, bool or None.
     """
     values: Mapping[str, Any] = graph if isinstance(graph, dict) else graph.to_dict()
@@ -103,14 +107,14 @@ def read_graph(path: Path, fields: Collection[str] | None = None) -> Data:
     """Read a graph.
 
     Args:
-        path: File of `write_graph`.
-        fields: Names of the fields to restore; all of them if None. Fields that the graph lacks are left out.
+        path: File written by `write_graph`.
+        fields: Names of the fields to read; None for all. Names of missing fields are ignored.
 
     Returns:
-        The graph as it was written: the same fields in the same order, dtypes, shapes and values.
+        The graph as it was written, with the same order of fields, dtypes, shapes and values.
 
     Raises:
-        GraphFileError: If the file is missing, damaged or of another format version.
+        GraphFileError: If the file is missing, damaged or has another format version.
     """
     try:
         content = path.read_bytes()
@@ -126,11 +130,10 @@ def read_graph(path: Path, fields: Collection[str] | None = None) -> Data:
 
 
 def read_summary(path: Path) -> GraphSummary:
-    """Read what a graph file tells of its graph, without its tensors.
+    """Read the summary of a graph file without its tensors.
 
     Raises:
-        GraphFileError: If the file is missing, damaged (also if it is shorter than it should be) or of another format
-            version.
+        GraphFileError: If the file is missing, damaged (or truncated) or has another format version.
     """
     header, size = _read_header(path)
     try:
@@ -140,7 +143,7 @@ def read_summary(path: Path) -> GraphSummary:
 
 
 def stored_fields(path: Path) -> frozenset[str]:
-    """Read which fields the graph of a file has, without its tensors.
+    """Read the names of the fields in a graph file without its tensors.
 
     Raises:
         GraphFileError: As in `read_summary`.
@@ -153,7 +156,7 @@ def stored_fields(path: Path) -> frozenset[str]:
 
 
 def cannot_write(path: Path, error: OSError) -> str:
-    """Say why a file cannot be written and what to do about it."""
+    """Return a message that says why a file cannot be written and what to do."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         folder = next(folder for folder in (path, *path.absolute().parents) if folder.is_dir())
         free = shutil.disk_usage(folder).free / 2**20
@@ -187,7 +190,7 @@ def _read_header(path: Path) -> tuple[dict[str, Any], int]:
 
 
 def _parse_header(path: Path, content: bytes, size: int) -> dict[str, Any]:
-    """Read the header of a safetensors file: its length in 8 bytes, then JSON with the place of every tensor."""
+    """Parse the header of a safetensors file: its length in 8 bytes, then JSON with the offsets of every tensor."""
     start = 8 + int.from_bytes(content[:8], "little")
     try:
         layout = json.loads(content[8:start])
@@ -225,7 +228,7 @@ def _encode(
 
 
 def _drop_second_halves(arrays: dict[str, npt.NDArray[Any]]) -> list[str]:
-    """Leave out of `arrays` what follows from the first half of `edge_index`; return the names of those fields."""
+    """Remove from `arrays` what the first half of `edge_index` determines; return the names of the affected fields."""
     both = arrays.get("edge_index")
     if both is None or both.ndim != 2 or both.shape[0] != 2 or both.shape[1] % 2:
         return []
@@ -271,18 +274,18 @@ def _decode(header: Mapping[str, Any], stored: Mapping[str, Tensor], wanted: Col
         if mirrored and key == "edge_index":
             tensor = torch.cat([tensor, tensor.flip(0)], dim=1)
         elif mirrored and key == "edge_attr":
-            # Each part is as narrow as its own values allow.
+            # The two parts may be stored in different narrow dtypes.
             tensor = tensor.to(torch.float32)
             backward = tensor.clone()
             backward[:, stored[_REVERSED_COLUMNS].long()] = stored[_REVERSED].to(torch.float32)
             tensor = torch.cat([tensor, backward])
-        # A copy where nothing changes type: fields must not share memory.
+        # Copy even if the dtype is right already: fields must not share memory.
         values[key] = tensor.to(getattr(torch, entry["dtype"]), copy=key == "edge_label_index")
     return Data.from_dict(values)
 
 
 def _narrow(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return the array in the smallest dtype that gives back every value, bit for bit."""
+    """Convert an array to the smallest dtype that restores every value bit for bit."""
     if array.dtype in (np.int16, np.int32, np.int64):
         if array.size == 0:
             return array.astype(np.int8)
@@ -301,5 +304,5 @@ def _narrow(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def _bits(array: npt.NDArray[np.float32]) -> npt.NDArray[np.int32]:
-    """Return float32 values as the integers that have the same bits, which tell 0 from -0 and compare NaN equal."""
+    """View float32 values as integers with the same bits, to distinguish 0 from -0 and to compare NaN as equal."""
     return np.ascontiguousarray(array).view(np.int32)

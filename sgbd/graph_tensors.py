@@ -1,4 +1,4 @@
-"""The tensors of one graph, named as in PyG's `Data`: the input of the networks of this package."""
+"""The tensors of one graph, named as in PyG's `Data`: the input of this package's networks."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from sgbd.own_columns import with_own_columns
 class GraphTensors:
     """One graph for inference.
 
-    It stands in for `torch_geometric.data.Data`, whose import takes seconds, where nothing but the fields is needed.
+    It replaces `torch_geometric.data.Data`, whose import takes seconds, if only the fields are needed.
 
     Args:
-        graph: The graph; the tensors share its memory.
-        node_columns: Columns of `x` to take.
-        edge_columns: Columns of `edge_attr` to take. Either way, a builder's own columns are taken, too.
+        graph: The graph; the tensors share its memory if all columns are kept.
+        node_columns: Columns of `x` to keep. Additional columns of the graph builder are always kept.
+        edge_columns: Columns of `edge_attr` to keep; additional ones likewise.
 
     Attributes:
         x: float32 [N, F], node features.
@@ -30,7 +30,7 @@ class GraphTensors:
         border_length: float32 [E].
         area: int64 [N].
         name: The frame's name.
-        node_of_superpixel: int64 [M], the node of each superpixel, if the nodes are segments of a first stage
+        node_of_superpixel: int64 [M], the node of each superpixel if the nodes are segments of a first stage
             (`sgbd.agglomeration`), else None.
     """
 
@@ -49,7 +49,7 @@ class GraphTensors:
 
     @property
     def num_nodes(self) -> int:
-        """Number of superpixels."""
+        """Number of nodes."""
         return self.x.size(0)
 
     def to(self, device: torch.device | str) -> GraphTensors:

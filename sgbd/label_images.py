@@ -14,19 +14,19 @@ from sgbd.sources.image import read_labels
 
 
 class LabelImagesError(ValueError):
-    """A folder that holds no label image of the frames; the message says what is expected."""
+    """A folder contains no label image of the frames; the message says what is expected."""
 
 
 class LabelImages:
-    """Label images in a folder, one a frame: PNG, 8 or 16 bits, 0 = not an object, every other id an object.
+    """A folder with one label image per frame: PNG, 8 or 16 bits, 0 = not an object, every other id an object.
 
-    The image of frame NAME is `NAME.png` or `NAME_labels.png`, as `python -m sgbd.predict` calls it. A `/` in a name is
-    a subfolder, or `_`.
+    The image of frame NAME is `NAME.png` or, as written by `python -m sgbd.predict`, `NAME_labels.png`. A `/` in a name
+    stands for a subfolder or `_`.
 
     Args:
         folder: The folder.
-        first_object: The smallest id of an object; 2 if the images number the supporting surface 1. Ids below it are
-            taken for no object.
+        first_object: The smallest id of an object, for example 2 if 1 is the supporting surface. Smaller ids are not
+            objects.
 
     Raises:
         LabelImagesError: If there is no such folder, or `first_object` is below 1.
@@ -49,7 +49,7 @@ class LabelImages:
         """Return the label image of a frame, or None if there is none.
 
         Args:
-            name: Of the frame.
+            name: Name of the frame.
         """
         for stem in dict.fromkeys((name, name.replace("/", "_"))):
             for ending in (".png", "_labels.png"):
@@ -59,13 +59,13 @@ class LabelImages:
         return None
 
     def missing(self, names: Sequence[str]) -> list[str]:
-        """Return the frames without a label image.
+        """Return the names of frames without a label image.
 
         Args:
-            names: Of the frames.
+            names: Names of the frames.
 
         Raises:
-            LabelImagesError: If no frame has one: then it is the wrong folder, or the wrong names.
+            LabelImagesError: If no frame has one: the folder or the names are wrong.
         """
         absent = [name for name in names if self.path(name) is None]
         if names and len(absent) == len(names):
@@ -81,13 +81,13 @@ class LabelImages:
         """Read the label image of a frame.
 
         Args:
-            frame: The frame; only its name and its size are looked at.
+            frame: The frame; only its name and its size are used.
 
         Returns:
             int32 [H, W], 0 = not an object.
 
         Raises:
-            FrameReadError: If the image is missing, damaged, no label image or of another size than the frame.
+            FrameReadError: If the image is missing, damaged, not a label image or not of the frame's size.
         """
         path = self.path(frame.name)
         if path is None:

@@ -1,4 +1,4 @@
-"""Compact label maps: runs of equal pixels, compressed to plain bytes."""
+"""Compressed label maps: run-length encoding and zlib."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 
 def pack(label_map: npt.NDArray[np.integer]) -> npt.NDArray[np.uint8]:
-    """Compress a map of ids without loss.
+    """Compress a label map without loss.
 
     Args:
-        label_map: int [H, W]; ids that fit into int32.
+        label_map: int [H, W]; ids must fit into int32.
 
     Returns:
         uint8 [B].
@@ -20,23 +20,23 @@ def pack(label_map: npt.NDArray[np.integer]) -> npt.NDArray[np.uint8]:
     flat = label_map.ravel()
     starts = np.flatnonzero(np.concatenate([[True], flat[1:] != flat[:-1]])) if flat.size else np.empty(0, np.int64)
     lengths = np.diff(starts, append=flat.size)
-    # All lengths first, then all ids: alike numbers side by side compress better, at zlib's fastest level too.
+    # All lengths first, then all ids: similar adjacent numbers compress better, even at zlib's fastest level.
     runs = np.concatenate([lengths, flat[starts]]).astype("<i4")
     return np.frombuffer(bytearray(zlib.compress(runs.tobytes(), 1)), np.uint8)
 
 
 def unpack(packed: npt.ArrayLike, shape: tuple[int, int]) -> npt.NDArray[np.int32]:
-    """Restore a map of ids.
+    """Restore a label map.
 
     Args:
-        packed: uint8 [B] of `pack`, an array or a tensor on the CPU.
+        packed: uint8 [B] from `pack`, an array or a tensor on the CPU.
         shape: (H, W).
 
     Returns:
         int32 [H, W].
 
     Raises:
-        ValueError: If the bytes are not a packed map of that size.
+        ValueError: If the bytes are not a packed label map of that size.
     """
     try:
         lengths, ids = np.frombuffer(zlib.decompress(np.asarray(packed, np.uint8).tobytes()), "<i4").reshape(2, -1)

@@ -22,14 +22,14 @@ from sgbd.sources import FrameSource
 log = logging.getLogger(__name__)
 
 NOT_AN_OBJECT = 0
-"""Label of pixels that a method takes for no object."""
+"""Label of pixels that belong to no object according to a method."""
 
 
 class LabelMapMethod(Protocol):
-    """A frame in, a label map int32 [H, W] out, 0 = not an object.
+    """Maps a frame to a label map int32 [H, W], 0 = not an object.
 
     Attributes:
-        decides_objects: Whether the method itself says what an object is; if not, the truth must.
+        decides_objects: Whether the method decides which segments are objects; if not, the ground truth decides.
     """
 
     decides_objects: bool
@@ -41,11 +41,11 @@ class LabelMapMethod(Protocol):
 
 @dataclass(frozen=True)
 class ScoredFrame:
-    """What is known of a method's label map of one frame.
+    """The evaluation of a method's label map of one frame.
 
     Attributes:
         scores: Its scores.
-        failures: Where its objects went wrong.
+        failures: Its failures by kind.
     """
 
     scores: GraphScores
@@ -57,9 +57,9 @@ class LabelMapEvaluation:
     """Scores of a method over the frames of a dataset.
 
     Attributes:
-        evaluation: The means. `unaided` is there only for methods that decide what an object is.
-        failures: Of each frame that was scored, in the order of the dataset.
-        left_out: Frames that were not scored, and why.
+        evaluation: The mean scores. `unaided` exists only for methods that decide what an object is.
+        failures: The failures on each scored frame, in the order of the dataset.
+        left_out: Frames that were not scored, each with the reason.
     """
 
     evaluation: Evaluation
@@ -68,12 +68,12 @@ class LabelMapEvaluation:
 
 
 class ScoreFrame:
-    """Runs a method on a frame of a dataset and scores the result. A class, not a closure: workers are sent it.
+    """Runs a method on a frame of a dataset and scores the result. A class instead of a closure, so it can be pickled.
 
     Args:
         source: The frames.
-        method: What segments them.
-        boundaries: Score contours too.
+        method: The segmentation method.
+        boundaries: Whether to score contours too.
     """
 
     def __init__(self, source: FrameSource, method: LabelMapMethod, boundaries: bool = True) -> None:
@@ -82,7 +82,7 @@ class ScoreFrame:
         self.boundaries = boundaries
 
     def __call__(self, index: int) -> ScoredFrame | FrameError:
-        """Score frame `index`; an error of the frame or its label image is returned."""
+        """Score frame `index`; return an error if the frame or its label image cannot be used."""
         try:
             frame = self.source[index]
             if frame.instances is None:
@@ -102,13 +102,13 @@ def score_label_map(
 
     Args:
         prediction: int32 [H, W], 0 = not an object.
-        frame: The frame, with truth; its ignored pixels count nowhere.
-        decides_objects: Whether the ids from 1 on are the method's own decision on what an object is.
-        boundaries: Score contours too.
+        frame: The frame with ground truth; ignored pixels are not scored.
+        decides_objects: Whether the method itself decided that its ids from 1 on are objects.
+        boundaries: Whether to score contours too.
 
     Returns:
-        The scores. In the protocol `all`, the segments most of which lies on true objects take part, but never what the
-        method takes for no object; failures are those of the method's own objects, or of these.
+        Scores and failures. The protocol `all` scores the segments that lie mostly on true objects, except label 0. The
+        failures are those of the method's own objects if it decides what an object is, else of the segments in `all`.
     """
     if frame.instances is None:
         raise EvaluationError(f"frame {frame.name!r} has no ground truth, so it cannot be scored")
@@ -144,20 +144,20 @@ def evaluate_label_maps(
 
     Args:
         source: The frames.
-        method: What segments them.
-        workers: Processes; 0 for this one alone. The scores do not depend on it.
-        boundaries: Score contours too.
-        on_error: What to do with a frame that cannot be scored, because it cannot be read, has no truth, or its label
-            image is missing or of another size: `skip` leaves it out and names it, `fail` raises.
-        title: Of the progress bar.
-        progress: Show it.
+        method: The segmentation method.
+        workers: Number of worker processes; 0 does all work in this process. The scores do not depend on it.
+        boundaries: Whether to score contours too.
+        on_error: What to do with a frame that cannot be scored, because it cannot be read, has no ground truth, or its
+            label image is missing or of another size: `skip` leaves it out and names it, `fail` raises an error.
+        title: Title of the progress bar.
+        progress: Whether to show a progress bar.
 
     Returns:
         The scores.
 
     Raises:
-        EvaluationError: If no frame can be scored, or one cannot and `on_error` is `fail`; or if that is neither.
-        LabelImagesError: If the method is a folder that holds no label image of any frame.
+        EvaluationError: If no frame can be scored, if one cannot and `on_error` is `fail`, or if `on_error` is invalid.
+        LabelImagesError: If the method is a folder without a label image of any frame.
     """
     if on_error not in ("skip", "fail"):
         raise EvaluationError(f"on_error must be 'skip' or 'fail'; got {on_error!r}")

@@ -14,17 +14,18 @@ from sgbd.graph import MERGE
 
 @dataclass(frozen=True)
 class EdgeLoss:
-    r"""Binary cross-entropy of merge logits, focused and weighted as wished.
+    r"""Binary cross-entropy of merge logits, optionally focal and weighted.
 
     .. math:: -w\, (1 - p_t)^\gamma \log p_t
 
-    with :math:`p_t` the probability of the right label. As it stands it is the paper's plain cross-entropy; with
-    :math:`\gamma > 0` the focal loss of T.-Y. Lin et al., "Focal loss for dense object detection", ICCV 2017,
-    doi:10.1109/ICCV.2017.324. Weights are scaled to a mean of 1 over the batch, so that the rate need not change.
+    with :math:`p_t` the probability of the true label. The defaults give the plain cross-entropy of the paper;
+    :math:`\gamma > 0` gives the focal loss of T.-Y. Lin et al., "Focal loss for dense object detection", ICCV 2017,
+    doi:10.1109/ICCV.2017.324. Weights are scaled to a mean of 1 over the batch, so that the learning rate need not
+    change.
 
     Attributes:
-        gamma: Focus on pairs that are still wrong.
-        balanced: Weight both classes alike, however many pairs each has in the batch.
+        gamma: Focusing exponent; larger values put more weight on misclassified pairs.
+        balanced: Give both classes equal total weight, whatever their numbers of pairs in the batch.
 
     Raises:
         ValueError: On construction, if gamma is negative or not finite.
@@ -34,7 +35,7 @@ class EdgeLoss:
     balanced: bool = False
 
     def __post_init__(self) -> None:
-        """Check gamma."""
+        """Validate gamma."""
         if not 0 <= self.gamma < math.inf:
             raise ValueError(f"the edge loss's gamma must be a finite number of at least 0; got {self.gamma}")
 
@@ -44,7 +45,7 @@ class EdgeLoss:
         Args:
             logits: float32 [P], merge logits.
             labels: float32 [P], 1 merge, 0 cut.
-            weight: float32 [P], how much each pair counts; None for all alike.
+            weight: float32 [P], weight of each pair; None for equal weights.
 
         Returns:
             float32 scalar.
@@ -53,7 +54,7 @@ class EdgeLoss:
             return binary_cross_entropy_with_logits(logits, labels)
         loss = binary_cross_entropy_with_logits(logits, labels, reduction="none")
         if self.gamma > 0:
-            # Away from 0, where a power below 1 has no finite gradient: a sure and right pair would make it NaN.
+            # Clamp away from 0, where a power below 1 has no finite gradient: a confident correct pair would give NaN.
             wrong = -torch.expm1(-loss)
             loss = loss * wrong.clamp(min=1e-12) ** self.gamma
         total = torch.ones_like(labels) if weight is None else weight
