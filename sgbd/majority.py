@@ -1,4 +1,4 @@
-"""The majority instance of a superpixel, which defines its training label and its place in the oracle."""
+"""The majority instance of a superpixel, which defines its training label and its segment in the oracle partition."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ def majority_instance(
     count: npt.NDArray[np.integer],
     nodes: int,
 ) -> npt.NDArray[np.int64]:
-    """Return the instance with most pixels in each superpixel.
+    """Return the instance with the most pixels in each superpixel.
 
     Args:
         superpixel: int [M], superpixel of each overlap.
-        instance: int [M], true instance of each overlap, not negative.
-        count: int [M], pixels of each overlap.
-        nodes: Number of superpixels.
+        instance: int [M], ground-truth instance of each overlap, not negative.
+        count: int [M], number of pixels in each overlap.
+        nodes: Number N of superpixels.
 
     Returns:
-        int64 [N]; of several instances with as many pixels the smallest id; -1 for a superpixel of ignored pixels.
+        int64 [N]; ties go to the smallest id; -1 if all pixels of a superpixel are ignored.
     """
     majority = np.full(nodes, IGNORE, np.int64)
     order = np.lexsort((-instance.astype(np.int64), count, superpixel))
-    # Of the assignments to one superpixel the last stays: the largest count, the smallest id.
+    # The last assignment to a superpixel wins: the one with the largest count and the smallest id.
     majority[superpixel[order]] = instance[order]
     return majority
 
@@ -38,17 +38,17 @@ def labeled_instance(
     count: npt.NDArray[np.integer],
     area: npt.NDArray[np.integer],
 ) -> npt.NDArray[np.int64]:
-    """Return the instance of each superpixel for training: none where most of its pixels are ignored.
+    """Return the instance of each superpixel for training: none if more than half of its pixels are ignored.
 
-    The oracle may give such a superpixel to the little that is known of it, because only known pixels are scored. To a
-    network it would be a wrong answer: it sees the whole superpixel, most of which may be something else.
+    The oracle may assign such a superpixel by its few known pixels, because only known pixels are scored. For training
+    this label could be wrong: the network sees the whole superpixel, most of which may be something else.
 
     Args:
-        superpixel, instance, count: As in `majority_instance`; ignored pixels are not among them.
-        area: int [N], all pixels of each superpixel.
+        superpixel, instance, count: As in `majority_instance`, without ignored pixels.
+        area: int [N], number of all pixels of each superpixel.
 
     Returns:
-        int64 [N], as in `majority_instance`; -1 also for superpixels more than half of whose pixels are ignored.
+        int64 [N], as in `majority_instance`, but -1 if more than half of a superpixel's pixels are ignored.
     """
     known = np.bincount(superpixel, count, len(area))
     return np.where(2 * known < area, IGNORE, majority_instance(superpixel, instance, count, len(area)))

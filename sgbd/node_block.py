@@ -1,8 +1,8 @@
 """Extra node features: a block of columns, each the mean of an image plane over a superpixel.
 
-The columns of `sgbd.features` are cheap and part of every graph. A block is expensive or needs its own weights. It is
-therefore computed only for models that use its group, stored beside the graphs (`sgbd.node_block_cache`), and appended
-to their columns.
+The columns of `sgbd.features` are cheap and part of every graph. A node block is expensive or needs weights of its own.
+It is therefore computed only for models that use its group, stored beside the graphs (`sgbd.node_block_cache`), and
+appended to their columns.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ Planes = npt.NDArray[np.float32]
 
 
 class NodeBlockError(ValueError):
-    """Feature groups and a block that do not fit each other; the message says what to choose."""
+    """Feature groups and a node block do not fit each other; the message says what to choose."""
 
 
 class MissingWeightsError(NotAvailableError):
-    """A block whose weights, or whose packages, are not on this machine."""
+    """The weights of a node block, or packages that it needs, are missing on this machine."""
 
 
 class NodeBlock(ABC):
-    """Columns of node features that are computed from the colours of a frame.
+    """Node feature columns that are computed from the colours of a frame.
 
     Attributes:
-        group: Name of the columns' group in a list of node features, beside `sgbd.features.NODE_GROUPS`.
+        group: Name of the group of these columns, in addition to those of `sgbd.features.NODE_GROUPS`.
     """
 
     group: ClassVar[str]
@@ -45,7 +45,7 @@ class NodeBlock(ABC):
 
     @abstractmethod
     def planes(self, images: Sequence[npt.NDArray[np.uint8]]) -> list[Planes]:
-        """Compute what is pooled.
+        """Compute the image planes that are pooled over superpixels.
 
         Args:
             images: uint8 [H, W, 3] each, RGB.
@@ -56,11 +56,11 @@ class NodeBlock(ABC):
 
     @abstractmethod
     def recipe(self) -> dict[str, Any]:
-        """Return the configuration that makes this block again, with all that its values depend on; JSON values."""
+        """Return the configuration that recreates this block, with everything its values depend on, as JSON values."""
 
     def cache_key(self) -> dict[str, Any]:
-        """Return all that the columns depend on, beside the frames; JSON values."""
-        # Here, so that a segmenter without a block does not import what recipes are made with.
+        """Return everything that the columns depend on besides the frames, as JSON values."""
+        # Imported here, so that a segmenter without a block does not import the modules that recipes need.
         from sgbd.recipe import code_digest
 
         return {**self.recipe(), "names": list(self.names), "code": code_digest([type(self).__module__])}
@@ -68,7 +68,7 @@ class NodeBlock(ABC):
     def __call__(
         self, images: Sequence[npt.NDArray[np.uint8]], label_maps: Sequence[LabelMap]
     ) -> list[npt.NDArray[np.float32]]:
-        """Compute the columns of some frames.
+        """Compute the columns for several frames.
 
         Args:
             images: uint8 [H, W, 3] each, RGB.
@@ -99,13 +99,13 @@ def mean_over_superpixels(label_map: LabelMap, planes: Planes) -> npt.NDArray[np
 
 
 def split_groups(groups: Iterable[str] | None) -> tuple[list[str] | None, list[str]]:
-    """Divide node feature groups into those of every graph and others, which only a block can have.
+    """Split node feature groups into those of every graph and others, which only a node block can provide.
 
     Args:
-        groups: Names; None for all of every graph.
+        groups: Names of groups; None for all groups of every graph.
 
     Returns:
-        Names of `sgbd.features.NODE_GROUPS` (None for all of them), and the other names.
+        The names that are in `sgbd.features.NODE_GROUPS` (None for all of them), and the other names.
     """
     if groups is None:
         return None, []
@@ -114,14 +114,14 @@ def split_groups(groups: Iterable[str] | None) -> tuple[list[str] | None, list[s
 
 
 def required_block(groups: Iterable[str] | None, block: NodeBlock | None) -> NodeBlock | None:
-    """Return the block if some groups need it, else None.
+    """Return the block if a group needs it, else None.
 
     Args:
         groups: Node feature groups.
         block: The configured block.
 
     Raises:
-        NodeBlockError: If a group is neither one of every graph nor the block's.
+        NodeBlockError: If a group is neither in `sgbd.features.NODE_GROUPS` nor that of the block.
     """
     _, others = split_groups(groups)
     unknown = [name for name in others if block is None or name != block.group]

@@ -1,4 +1,4 @@
-"""Cached blocks of node features beside prepared graphs: added without preparing them again, resumable, never stale.
+"""Cached node blocks beside prepared graphs: added without preparing the graphs again, resumable, never stale.
 
 Layout, in the folder of the graphs' recipe (see `sgbd.preparation`)::
 
@@ -7,8 +7,8 @@ Layout, in the folder of the graphs' recipe (see `sgbd.preparation`)::
                                                                      /<split>/<name>.safetensors   x [N, M] of a frame
                                                                      /<split>/index.json           written last
 
-Another block, other weights or other code have a different hash. Each file stores the fingerprint of the frame of its
-graph, and the index stores the fingerprint of all frames of the split. If frames change and their graphs are rebuilt,
+A different block, different weights or different code have a different hash. Each file stores the fingerprint of its
+frame, and the index stores the fingerprint of all frames of the split. If frames change and their graphs are rebuilt,
 their blocks are rebuilt too. The superpixels are those of the graphs.
 """
 
@@ -49,27 +49,27 @@ log = logging.getLogger(__name__)
 BLOCKS_FOLDER = "node_blocks"
 LABEL_MAP_FIELDS = ("label_map", "image_size", "node_of_superpixel")
 AT_ONCE = 8
-"""Frames that are read, computed and written together."""
+"""Number of frames that are read, computed and written together."""
 
 
 def prepare_node_block(folder: Path, source: FrameSource, block: NodeBlock, *, progress: bool = True) -> Path:
-    """Compute the block of all prepared graphs of a split, or of those that lack it.
+    """Compute a node block for those prepared graphs of a split that lack it.
 
-    Killed at any moment, it goes on where it was when it is run again; two processes don't disturb each other.
+    After an interruption, the next run continues. Two processes may do this at the same time.
 
     Args:
-        folder: What `sgbd.preparation.prepare` returned for this very source.
+        folder: The recipe folder that `sgbd.preparation.prepare` returned for this source.
         source: The frames of the split.
-        block: What to compute.
+        block: The block to compute.
         progress: Whether to show a progress bar.
 
     Returns:
-        The block's folder, in `folder`.
+        The block's folder, below `folder`.
 
     Raises:
         PreparationError: If the split is not prepared, or its frames have changed since.
-        GraphFileError: If a file cannot be written, for instance because the disk is full.
-        sgbd.node_block.MissingWeightsError: If the block's weights are not there.
+        GraphFileError: If a file cannot be written, for example because the disk is full.
+        sgbd.node_block.MissingWeightsError: If the block's weights are missing.
     """
     graphs = read_index(folder / source.split)
     if graphs is None or graphs["fingerprint"] != source.fingerprint():
@@ -95,20 +95,20 @@ def prepare_node_block(folder: Path, source: FrameSource, block: NodeBlock, *, p
 
 
 def node_block_folder(block: NodeBlock) -> str:
-    """Return the name of a block's folder: its group and ten digits of the hash of its recipe."""
+    """Return the name of a block's folder: its group and ten digits of its recipe's hash."""
     return f"{block.group}-{recipe_hash(_block_recipe(block))[:10]}"
 
 
 def find_node_block(folder: Path, group: str, name: str | None = None) -> Path | None:
-    """Return the folder of a block beside the graphs in `folder`.
+    """Find the folder of a node block beside the graphs in `folder`.
 
     Args:
-        folder: Folder of the graphs' recipe.
+        folder: Recipe folder of the graphs.
         group: The block's group.
-        name: The block's folder name; None for the only one of the group.
+        name: The block's folder name; None if the group has only one block.
 
     Returns:
-        The folder; None if there is none.
+        The folder, or None if there is no such block.
 
     Raises:
         PreparationError: If there are several and no name is given.
@@ -132,12 +132,12 @@ def node_block_names(target: Path) -> tuple[str, ...]:
 
 
 def is_of_graphs(target: Path, split: str, graphs: Mapping[str, Any]) -> bool:
-    """Say whether a block is complete for a split whose index is `graphs`."""
+    """Return whether a block is complete for the split whose index is `graphs`."""
     return _is_complete(target / split, graphs)
 
 
 def read_node_block(target: Path, split: str, name: str) -> torch.Tensor:
-    """Read the columns of one frame.
+    """Read the block's columns of one frame.
 
     Returns:
         float32 [N, M].
@@ -162,7 +162,7 @@ def _compute(
     progress: bool,
 ) -> None:
     for path in split.glob("*.tmp"):
-        path.unlink()  # of a process that was killed while it wrote
+        path.unlink()  # left by a process that was killed while writing
     place = {name: index for index, name in enumerate(source.names)}
     pending = [name for name in graphs["names"] if not _is_current(split, folder / source.split, name)]
     made = len(graphs["names"]) - len(pending)
@@ -188,12 +188,12 @@ def _compute(
 
 
 def _is_current(split: Path, graphs: Path, name: str) -> bool:
-    """Say whether a frame's block is there, whole, and of the frame that its graph was made from."""
+    """Return whether a frame's block exists, is readable, and was made from the same frame as the graph."""
     file = graph_file_name(name)
     if not (split / file).is_file():
         return False
     block: GraphSummary | None = None
-    with contextlib.suppress(GraphFileError):  # a damaged one is made again
+    with contextlib.suppress(GraphFileError):  # a damaged block is computed again
         block = read_summary(split / file)
     graph = read_summary(graphs / file)
     return block is not None and (block.made_from, block.nodes) == (graph.made_from, graph.nodes)

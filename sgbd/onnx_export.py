@@ -1,4 +1,4 @@
-"""Trained networks as ONNX models, which are checked against PyTorch before they are written."""
+"""Export of trained networks to ONNX, checked against PyTorch."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ if TYPE_CHECKING:
 
 METADATA_KEY = "sgbd"
 TOLERANCE = 1e-5
-"""Largest difference of a logit s from PyTorch's, as a share of 1 + |s|: float32 has no more digits of large ones."""
+"""Maximum difference from PyTorch's logits s, relative to 1 + |s|, because float32 limits the digits of large ones."""
 SIZES = ((1, 0), (2, 1), (40, 95), (600, 1550), (1500, 4000))
-"""Nodes and pairs of the graphs that a model is checked on."""
+"""Numbers of nodes and pairs of the graphs on which a model is checked."""
 SMALLEST_OPSET = 18
-"""The first with sums and maxima over the rows of a group, which message passing needs."""
+"""The first opset with scatter sums and maxima, which message passing needs."""
 
 
 class ExportError(ValueError):
-    """A model that cannot be exported; the message says why and what to do."""
+    """A model cannot be exported; the message says why and what to do."""
 
 
 @dataclass(frozen=True)
@@ -51,11 +51,11 @@ class Check:
     """Agreement and speed on one graph.
 
     Attributes:
-        nodes: Superpixels.
-        pairs: Adjacencies.
-        difference: Largest difference of a logit s from PyTorch's, as a share of 1 + |s|.
-        torch: Time of PyTorch; None if it was not measured.
-        onnx: Time of ONNX Runtime.
+        nodes: Number of superpixels.
+        pairs: Number of adjacencies.
+        difference: Largest difference from PyTorch's logits s, relative to 1 + |s|.
+        torch: Time of PyTorch; None if not measured.
+        onnx: Time of ONNX Runtime; None if not measured.
     """
 
     nodes: int
@@ -66,11 +66,11 @@ class Check:
 
 
 class Networks(nn.Module):
-    """Edge model and objectness head, from plain tensors to plain tensors.
+    """Edge model and objectness head as one module with plain tensors as inputs and outputs.
 
     Args:
-        model: The edge model; a copy of it is taken.
-        objectness: The objectness head, if there is one; copied too.
+        model: The edge model, which is copied.
+        objectness: The objectness head, which is copied too, or None.
     """
 
     def __init__(self, model: EdgeClassifier, objectness: ObjectnessHead | None) -> None:
@@ -80,7 +80,7 @@ class Networks(nn.Module):
         self.cpu().eval()
 
     def forward(self, x: Tensor, pairs: Tensor, edge_attr: Tensor | None = None) -> tuple[Tensor, ...]:
-        """Classify pairs and superpixels of a graph in the layout of `sgbd.graph.build_graph`.
+        """Classify the pairs and superpixels of a graph with the layout of `sgbd.graph.build_graph`.
 
         Args:
             x: float32 [N, F], node features.
@@ -96,28 +96,29 @@ class Networks(nn.Module):
         merge = self.model.pair_logits(x, pairs, edge_attr)
         if self.objectness is None:
             return (merge,)
-        # Of PyG's `Data` the head reads no more than this.
+        # The head reads only these fields of PyG's `Data`.
         graph = SimpleNamespace(x=x, edge_index=torch.cat([pairs, pairs.flip(0)], dim=1))
         return merge, self.objectness(graph)
 
 
 def to_onnx(checkpoint: Checkpoint, opset: int = SMALLEST_OPSET, trust: Sequence[str] = ()) -> bytes:
-    """Make an ONNX model of a checkpoint's networks, without those of a first stage.
+    """Export a checkpoint's networks, without those of a first stage, to ONNX.
 
     Args:
         checkpoint: The networks and their recipe.
-        opset: Version of the ONNX operators.
-        trust: Names of packages beside `sgbd` whose classes the recipe may name.
+        opset: ONNX opset version.
+        trust: Names of packages besides `sgbd` whose classes the recipe may name.
 
     Returns:
-        The file's content. Inputs and outputs are those of `Networks`, for any number of nodes and pairs; `edge_attr`
-        is missing if the model has no edge features, `object_logits` without a head. The metadata has under the key
-        `sgbd` a JSON text with the recipe, the names of the feature columns, and what the inputs and outputs are.
+        The content of the ONNX file. Inputs and outputs are those of `Networks`, for any number of nodes and pairs.
+        There is no input `edge_attr` if the model has no edge features, and no output `object_logits` without a head.
+        The metadata key `sgbd` contains a JSON text with the recipe, the names of the feature columns, and a
+        description of the inputs and outputs.
 
     Raises:
-        sgbd.machine.availability.NotAvailableError: If a package that the export needs is missing.
-        ConfigurationError: If the opset is none that can be written.
-        ExportError: If PyTorch cannot turn the model into ONNX operators.
+        sgbd.machine.availability.NotAvailableError: If a package needed for the export is missing.
+        ConfigurationError: If the opset is not supported.
+        ExportError: If PyTorch cannot convert the model to ONNX operators.
     """
     onnx = _required("onnx")
     _required("onnxscript")
@@ -164,10 +165,10 @@ def to_onnx(checkpoint: Checkpoint, opset: int = SMALLEST_OPSET, trust: Sequence
 
 
 def _sigmoid(values: Any) -> Any:
-    """Write a sigmoid as 1 / (1 + exp(-v)).
+    """Translate a sigmoid to 1 / (1 + exp(-v)).
 
-    ONNX Runtime's own is exact to 1e-7 of 1, not of its value. Where all gates around a node are all but shut, a gated
-    convolution divides by their sum, and logits would be off by a per cent.
+    ONNX Runtime's own sigmoid has an absolute error of 1e-7, not a relative one. A gated convolution divides by the sum
+    of the gates around a node: if all of these are nearly 0, logits would be off by one per cent.
     """
     from onnxscript import opset18
 
@@ -175,7 +176,7 @@ def _sigmoid(values: Any) -> Any:
 
 
 def description(checkpoint: Checkpoint, opset: int, trust: Sequence[str] = ()) -> dict[str, Any]:
-    """Return what a user of the file has to know, as JSON values; arguments and errors as for `to_onnx`."""
+    """Return what a user of the file needs to know, as JSON values; arguments and errors are those of `to_onnx`."""
     meaning = {
         "x": "float32 [nodes, F], node features, columns as node_columns, not standardised",
         "pairs": "int64 [2, pairs], every adjacency once, i < j",
@@ -197,18 +198,18 @@ def description(checkpoint: Checkpoint, opset: int, trust: Sequence[str] = ()) -
 
 
 def column_names(checkpoint: Checkpoint, trust: Sequence[str] = ()) -> tuple[list[str], list[str]]:
-    """Name the feature columns that a model reads, in their order.
+    """Return the names of the feature columns that a model reads, in order.
 
     Args:
         checkpoint: The networks and their recipe.
-        trust: Names of packages beside `sgbd` whose classes the recipe may name.
+        trust: Names of packages besides `sgbd` whose classes the recipe may name.
 
     Returns:
-        Names of the columns of nodes and of edges. Those of a node block are its group's name and a number: to ask the
-        block itself, its weights would have to be there.
+        Names of the node columns and of the edge columns. The columns of a node block are named by its group and a
+        number, because the real names are only available if the block's weights are.
 
     Raises:
-        ExportError: If the recipe names other columns than the model reads.
+        ExportError: If the number of columns differs between recipe and model.
     """
     features, model = checkpoint.recipe["features"], checkpoint.model
     own = own_columns(instantiate(checkpoint.recipe.get("graph"), object, trust))
@@ -238,13 +239,13 @@ def output_names(checkpoint: Checkpoint) -> tuple[str, ...]:
 def random_graph(
     checkpoint: Checkpoint, nodes: int, pairs: int, generator: np.random.Generator
 ) -> dict[str, npt.NDArray[Any]]:
-    """Make up a graph whose features are spread as those that the model was trained on.
+    """Generate a random graph whose features have the mean and spread of the training features.
 
     Args:
         checkpoint: The networks.
         nodes: Number of nodes.
-        pairs: Number of different pairs.
-        generator: Source of the numbers.
+        pairs: Number of distinct pairs.
+        generator: Source of randomness.
 
     Returns:
         x, pairs and edge_attr, as in `Networks.forward`.
@@ -267,19 +268,19 @@ def random_graph(
 
 
 def session(content: bytes) -> onnxruntime.InferenceSession:
-    """Open an ONNX model on one thread of the CPU.
+    """Load an ONNX model into ONNX Runtime, on one CPU thread.
 
     Raises:
         sgbd.machine.availability.NotAvailableError: If ONNX Runtime is missing.
-        ExportError: If it cannot run the model.
+        ExportError: If ONNX Runtime cannot run the model.
     """
     runtime = _required("onnxruntime")
     options = runtime.SessionOptions()
     options.intra_op_num_threads = 1
-    options.log_severity_level = 3  # errors only: the opset's warnings are for its own developers
+    options.log_severity_level = 3  # errors only: the warnings about opsets are of no use to users
     try:
         return runtime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # its exceptions have no class in common
+    except Exception as error:  # ONNX Runtime's exceptions have no common base class
         raise ExportError(
             f"ONNX Runtime {runtime.__version__} cannot run the model: {str(error).strip()} Choose a smaller opset "
             f"({SMALLEST_OPSET} or more), or a newer ONNX Runtime. Nothing was written."
@@ -287,26 +288,26 @@ def session(content: bytes) -> onnxruntime.InferenceSession:
 
 
 def least_pairs(checkpoint: Checkpoint) -> int:
-    """Return how many pairs a graph needs at least: ONNX Runtime cannot run PyG's attention over no edges at all."""
+    """Return the minimum number of pairs of a graph: ONNX Runtime cannot run PyG's attention without any edges."""
     return int(isinstance(checkpoint.model, EdgeTransformer))
 
 
 def check(
     checkpoint: Checkpoint, content: bytes, sizes: Sequence[tuple[int, int]] | None = None, repeats: int = 0
 ) -> list[Check]:
-    """Compare an ONNX model with the networks as they are evaluated, on graphs of several sizes.
+    """Compare an ONNX model with the PyTorch networks on graphs of several sizes.
 
     Args:
         checkpoint: The networks.
         content: The ONNX model.
-        sizes: Nodes and pairs of each graph; None for `SIZES`, but for those that the model cannot do (`least_pairs`).
-        repeats: How often each is timed; 0 for not at all.
+        sizes: Nodes and pairs of each graph; None for those `SIZES` that the model supports (`least_pairs`).
+        repeats: Number of timed runs on each graph; 0 for no timing.
 
     Returns:
-        The agreement of each.
+        The agreement on each graph.
 
     Raises:
-        ExportError: If they differ by more than `TOLERANCE`.
+        ExportError: If the logits differ by more than `TOLERANCE`.
     """
     model = checkpoint.model.cpu().eval()
     head = None if checkpoint.objectness is None else checkpoint.objectness.cpu().eval()
@@ -319,7 +320,7 @@ def check(
         graph = random_graph(checkpoint, nodes, pairs, generator)
         feed = {name: graph[name] for name in input_names(checkpoint)}
         tensors = {name: torch.from_numpy(value) for name, value in graph.items()}
-        # The networks of this package ask a graph for nothing but its fields; others get what they are made for.
+        # User-defined networks may need a full PyG `Data`; those of this package only read its fields.
         data = _fields(
             x=tensors["x"],
             edge_index=torch.cat([tensors["pairs"], tensors["pairs"].flip(0)], dim=1),
@@ -337,7 +338,7 @@ def check(
         timings: dict[str, Timing] = {}
         with torch_threads(1):
             difference = largest_difference([logits.numpy() for logits in by_torch()], by_onnx())
-            # Written so that NaN does not pass.
+            # Negated, so that NaN fails the check.
             if not difference <= TOLERANCE:
                 raise ExportError(
                     f"the ONNX model's logits s differ from PyTorch's by {difference:.1e} of 1 + |s| on a graph of "
@@ -351,14 +352,14 @@ def check(
 
 
 def largest_difference(expected: Sequence[npt.NDArray[Any]], given: Sequence[npt.NDArray[Any]]) -> float:
-    """Return the largest difference of logits from the expected ones s, as a share of 1 + |s|.
+    """Return the largest difference of logits from the expected logits s, relative to 1 + |s|.
 
     Args:
-        expected: float [R] each.
-        given: As many, of the same shapes.
+        expected: Arrays of expected logits, float [R] each.
+        given: Arrays of logits with the same shapes.
 
     Returns:
-        The difference; NaN if there is one among the logits, infinity if shapes differ.
+        The difference; NaN if a logit is NaN, infinity if the shapes differ.
     """
     if [logits.shape for logits in expected] != [logits.shape for logits in given]:
         return float("inf")
@@ -384,7 +385,7 @@ def _required(package: str) -> Any:
 
 @contextmanager
 def _silence() -> Iterator[None]:
-    """Keep PyTorch's exporter from telling about itself; its errors are exceptions."""
+    """Silence the log messages and warnings of PyTorch's exporter; its errors are exceptions."""
     loggers = [logging.getLogger(name) for name in ("torch.onnx", "onnxscript", "onnx_ir")]
     levels = [logger.level for logger in loggers]
     for logger in loggers:

@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 @entry_point("predict")
 def main(config: DictConfig) -> None:
-    """Segment every frame; write label image, overlay and JSON while going on."""
+    """Segment every frame, and write its label image, overlay and JSON file as soon as it is done."""
     if config.on_error not in ("skip", "fail"):
         raise ConfigurationError(f"on_error must be skip or fail; got {config.on_error!r}")
     segmenter = Segmenter.load(

@@ -1,4 +1,4 @@
-"""Segmentation of unlabelled frames: finding the input files, and writing the results."""
+"""Segmentation of unlabelled frames: finding the input files and writing the results."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 
 
 class _RecordedFolder(Folder):
-    """A folder with the files of all frames, which is not given as a dataset; the last layout that is tried."""
+    """A folder of frames that was not given as a dataset; tried last, so its messages list all layouts."""
 
     layout = "\n".join(
         f"{title}:\n{layout.strip()}"
@@ -55,24 +55,25 @@ def find_frames(
     depth_scale: float | None = None,
     time_tolerance: float = TOLERANCE,
 ) -> FrameSource:
-    """Recognise what was recorded, and say in a notice what it was taken for.
+    """Recognise the layout of a recording, log it, and open its frames.
 
-    A folder with the lists of TUM RGB-D is `TumRecording`, whatever its subfolders are called: its depth is not in
-    millimetres. A folder with `color` and `depth` is `ColorDepthRecording`. Two videos are `VideoPair`, and everything
-    else is `RecordedFrames`.
+    A folder with the lists of TUM RGB-D is a `TumRecording`, whatever its subfolders are called, because its depth is
+    not in millimetres. A folder with `color` and `depth` is a `ColorDepthRecording`. Two videos are a `VideoPair`, and
+    everything else is `RecordedFrames`.
 
     Args:
-        rgb: A colour image, a video of colours, or a folder.
-        depth: A depth image, a video of depth, or a folder of depth images; None if the folder `rgb` holds both.
-        intrinsics: The camera of all frames; None takes what the recording says.
-        depth_scale: Metres of one unit of the depth; None takes what the recording or its layout says, or millimetres.
-        time_tolerance: Seconds between the two images of a frame, where they are paired by the lists of TUM RGB-D.
+        rgb: A colour image, a colour video, or a folder.
+        depth: A depth image, a depth video, or a folder of depth images; None if the folder `rgb` contains both.
+        intrinsics: The camera of all frames; None uses the intrinsics of the recording.
+        depth_scale: Metres per depth unit; None uses the scale of the recording or its layout, or millimetres.
+        time_tolerance: Maximum time between the two images of a frame, seconds, if they are paired by the lists of TUM
+            RGB-D.
 
     Returns:
         The frames.
 
     Raises:
-        FrameReadError: If it is nothing that frames are read from.
+        FrameReadError: If no frames can be read from these paths.
         ValueError: If the scale is not positive or the tolerance is negative.
     """
     if depth_scale is not None:
@@ -108,18 +109,18 @@ def find_frames(
 class RecordedFrames(FrameSource):
     """Frames given as a colour and a depth file, as two folders, or as one folder in the layout of `Folder`.
 
-    In two folders, the files of one frame have the same name, apart from the suffix and a last `_rgb`, `_color`,
+    In two folders, the files of a frame have the same name, apart from the suffix and a trailing `_rgb`, `_color`,
     `_colour` or `_depth`.
 
     Args:
         rgb: A colour image or a folder.
-        depth: A depth image, or a folder of them; None if the folder `rgb` holds both.
-        intrinsics: The camera of all frames; None if it is unknown.
-        depth_scale: Metres of one unit of the depth images.
+        depth: A depth image or a folder of depth images; None if the folder `rgb` contains both.
+        intrinsics: The camera of all frames; None if unknown.
+        depth_scale: Metres per unit of the depth images.
 
     Raises:
-        FrameReadError: If a path does not exist, only one of the two is a folder, no frame is found, or one of two
-            folders holds two images of a frame.
+        FrameReadError: If a path does not exist, only one of the two is a folder, no frame is found, or a folder
+            contains two images of the same frame.
     """
 
     def __init__(
@@ -150,7 +151,7 @@ class RecordedFrames(FrameSource):
         if not self.rgb.is_dir():
             return {_frame_name(self.rgb): (self.rgb, self.depth)}
         colors, depths = _images_by_name(self.rgb), _images_by_name(self.depth)
-        # A frame without depth stays in the list: reading it reports what is missing.
+        # Keep frames without a depth image: reading them reports the missing file.
         files = {name: (path, depths.get(name, self.depth / f"{name}.png")) for name, path in colors.items()}
         if not files:
             raise FrameReadError(self.rgb, f"there is no image in it ({', '.join(IMAGE_SUFFIXES)}).")
@@ -174,14 +175,14 @@ class RecordedFrames(FrameSource):
         """Read a frame.
 
         Raises:
-            FrameReadError: If a file is missing, damaged or not what it should be.
-            sgbd.frame.FrameError: If the two don't make a frame.
+            FrameReadError: If a file is missing, damaged or not an image of the expected kind.
+            sgbd.frame.FrameError: If the two images are not a valid frame.
         """
         rgb, depth = self.files(index)
         return Frame(read_rgb(rgb), read_depth(depth, self.depth_scale), self.intrinsics, name=self.names[index])
 
     def options(self) -> dict[str, Any]:
-        """Return the options that change what is read."""
+        """Return the options that affect the frames."""
         return {
             "intrinsics": intrinsics_option(self.intrinsics),
             "depth_scale": self.depth_scale,
@@ -211,14 +212,14 @@ def _images_by_name(folder: Path) -> dict[str, Path]:
 
 
 def segment_ahead(frames: FrameSource, segmenter: Segmenter) -> Iterator[tuple[Frame, Segmentation] | FrameError]:
-    """Segment frames in turn. While the caller works on one, the next is segmented and the one after that read.
+    """Segment frames in order. While the caller processes one frame, the next is segmented and the one after it read.
 
     Args:
         frames: The frames.
-        segmenter: What segments them.
+        segmenter: The segmenter.
 
     Yields:
-        For every frame, the frame and its segmentation, or the error if it cannot be read.
+        Each frame with its segmentation, or the error if the frame cannot be read.
     """
     indices = iter(range(len(frames)))
 
@@ -239,17 +240,17 @@ def segment_ahead(frames: FrameSource, segmenter: Segmenter) -> Iterator[tuple[F
 
 
 def objects_as_json(segmentation: Segmentation) -> list[dict[str, Any]]:
-    """Describe the objects of a frame.
+    """Describe the objects of a frame as JSON values.
 
     Args:
-        segmentation: Of the frame.
+        segmentation: Segmentation of the frame.
 
     Returns:
-        For each object, the largest score first: `id` in the label image; `area` in pixels; `box` as [left, top,
+        For each object, in order of descending score: `id` in the label image; `area` in pixels; `box` as [left, top,
         width, height] in pixels; `score` and `objectness` from 0 to 1.
     """
     areas = np.bincount(segmentation.instances.ravel(), minlength=len(segmentation.scores) + 1)
-    # One pass over the image for the boxes of all objects.
+    # Finds the boxes of all objects in one pass over the image.
     boxes = find_objects(segmentation.instances)
     return [
         {
@@ -270,8 +271,8 @@ def write_segmentation(frame: Frame, segmentation: Segmentation, folder: Path, d
 
     Args:
         frame: The frame.
-        segmentation: Its objects.
-        folder: Where to; made if needed.
+        segmentation: Its segmentation.
+        folder: Output folder; created if needed.
         draw: Whether to write the overlay, which takes as long as the segmentation.
     """
     stem = frame.name.replace("/", "_")
@@ -279,7 +280,7 @@ def write_segmentation(frame: Frame, segmentation: Segmentation, folder: Path, d
     write_whole(folder / f"{stem}_labels.png", iio.imwrite("<bytes>", labels, extension=".png"))
     if draw:
         picture = overlay(frame.rgb, segmentation.instances)
-        # Compressed as by default, the picture would take longer than the segmentation, and be hardly smaller.
+        # With default compression, encoding would take longer than the segmentation, and the file is hardly smaller.
         encoded = iio.imwrite("<bytes>", picture, extension=".png", compress_level=1, compress_type=zlib.Z_HUFFMAN_ONLY)
         write_whole(folder / f"{stem}_overlay.png", encoded)
     description = {
