@@ -13,11 +13,13 @@ import contextlib
 import logging
 from functools import cache
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import numba
 from llvmlite import binding
 from numba.core.caching import FunctionCache
+from numba.core.dispatcher import Dispatcher
 
 logger = logging.getLogger(__name__)
 
@@ -33,6 +35,10 @@ class KeptCode(FunctionCache):
     For functions of arrays and numbers. What else Numba's own preparation tells the linker, the secret of hashes of
     strings, it does not.
     """
+
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        """Extend Numba's key, which knows the function's own file only, by everything compiled into the function."""
+        return *super()._index_key(sig, codegen), dependencies(self._py_func)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Read what is kept for a signature; None if nothing is, or it is damaged, as a power cut may leave it."""
@@ -61,6 +67,37 @@ class KeptCode(FunctionCache):
         """Take away the list of what is kept."""
         with contextlib.suppress(OSError):
             Path(self._cache_file._index_path).unlink(missing_ok=True)
+
+
+def dependencies(function: FunctionType) -> tuple[tuple[Any, ...], ...]:
+    """Return what the machine code of a function takes from elsewhere.
+
+    Args:
+        function: The Python function. Compiled functions that it calls are followed, in other modules too.
+
+    Returns:
+        Name, time of change and size of the files of all these functions, then names and values of the module constants
+        that they use; each part sorted.
+    """
+    stamps, constants = set(), set()
+    seen, waiting = {function}, [function]
+    while waiting:
+        current = waiting.pop()
+        stamps.add(_stamp(current.__code__.co_filename))
+        for name in current.__code__.co_names:
+            value = current.__globals__.get(name)
+            if isinstance(value, bool | int | float | str | tuple):
+                constants.add((f"{current.__module__}.{name}", repr(value)))
+            elif isinstance(value, Dispatcher) and value.py_func not in seen:
+                seen.add(value.py_func)
+                waiting.append(value.py_func)
+    return tuple(sorted(stamps)), tuple(sorted(constants))
+
+
+@cache
+def _stamp(file: str) -> tuple[str, int, int]:
+    status = Path(file).stat()
+    return Path(file).name, status.st_mtime_ns, status.st_size
 
 
 @cache

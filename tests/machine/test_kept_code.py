@@ -112,6 +112,44 @@ def test_what_there_is_no_room_for_is_not_kept(tmp_path: Path, monkeypatch: pyte
     assert [use_of_kept_code(twice) for _ in range(2)] == [(6, 0), (6, 1)]
 
 
+CALLED = """
+from sgbd.machine.compiled import compiled
+
+FACTOR = 2
+
+@compiled
+def scaled(value):
+    return {scaled}
+"""
+CALLING = """
+import json
+from sgbd.machine.compiled import compiled
+from called import FACTOR, scaled
+
+@compiled
+def inner(value):
+    return scaled(value)
+
+@compiled
+def outer(value):
+    return inner(value) + 100 * FACTOR
+
+print(json.dumps([outer(3), sum(outer.stats.cache_hits.values())]))
+"""
+
+
+@short_way
+def test_a_change_in_the_file_of_a_called_function_or_constant_is_noticed(tmp_path: Path) -> None:
+    path, called = tmp_path / "calling.py", tmp_path / "called.py"
+    path.write_text(CALLING)
+    called.write_text(CALLED.format(scaled="10 * value"))
+    assert [_run(path) for _ in range(2)] == [[230, 0], [230, 1]]
+    called.write_text(CALLED.format(scaled="value + 1"))
+    assert [_run(path) for _ in range(2)] == [[204, 0], [204, 1]]
+    called.write_text(CALLED.format(scaled="value + 1").replace("FACTOR = 2", "FACTOR = 3"))
+    assert [_run(path) for _ in range(2)] == [[304, 0], [304, 1]]
+
+
 def test_another_numba_reads_in_its_own_way(tmp_path: Path):
     path = tmp_path / "program.py"
     path.write_text("import sgbd.machine.kept_code\nsgbd.machine.kept_code.CAN_SKIP = False\n" + PROGRAM)
