@@ -1,4 +1,4 @@
-"""Writing a file whole or not at all."""
+"""Write a file completely or not at all."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from pathlib import Path
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that it holds all of `content` or what it held before, even after a kill or a power cut.
+    """Write a file so that it holds either all of `content` or its previous content, even after a kill or a power cut.
 
-    Of several threads or processes that write one file at a time, on whatever machines, the last one's content stays.
+    If several threads or processes write the file at the same time, even on different machines, the last one wins.
 
     Args:
-        path: File to write; its folder is made if it isn't there.
+        path: File to write; its folder is created if it does not exist.
         content: What to write.
 
     Raises:
-        OSError: If it cannot be written; it names `path`, and nothing is left behind.
+        OSError: If the file cannot be written; the error names `path`, and no temporary file is left behind.
     """
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
     try:
@@ -32,6 +32,6 @@ def write_whole(path: Path, content: bytes) -> None:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
         if isinstance(error, OSError):
-            # The system names no file where the disk is full, and the temporary one elsewhere.
+            # The system's error names the temporary file, or no file at all if the disk is full.
             error.filename = str(path)
         raise

@@ -1,10 +1,10 @@
-"""What a machine may lack: told apart from failures, because elsewhere the same job runs."""
+"""The error for resources that a machine lacks: it is not a failure, because the same job runs on another machine."""
 
 from __future__ import annotations
 
 
 class NotAvailableError(RuntimeError):
-    """Something that a job needs and this machine lacks, such as weights that must be downloaded.
+    """A job needs something that this machine lacks, such as weights that must be downloaded.
 
     In a sweep such a job is reported as not run, and the sweep goes on.
     """

@@ -1,16 +1,16 @@
 """Compilation of the loops over pixels, superpixels and edges.
 
-The functions that NumPy can't express without temporary arrays are written as plain loops and decorated with
-`compiled`. With Numba they become machine code that releases the interpreter lock; without it the same source runs
-as Python, slowly but with the same result.
+Functions that NumPy can't express without temporary arrays are written as plain loops and decorated with `compiled`.
+With Numba they become machine code that releases the interpreter lock; without it the same source runs as Python,
+slowly but with the same result.
 
-Compiling takes most of the first frame's time on a machine, so the functions are written to need little of it: the
-caller allocates arrays, numbers that pass from function to function are of one type (``np.int64(0)``, where a literal 0
-would be a type of its own, and a function that meets it compiled twice), and rows are sliced once instead of indexed
-again and again.
+Compiling takes most of the time of the first frame on a machine, so the functions are written to compile quickly. The
+caller allocates arrays. Numbers that pass between functions have one type: ``np.int64(0)``, because a literal 0 has a
+type of its own, for which the called function would be compiled a second time. Rows are sliced once instead of being
+indexed again and again.
 
-Arrays that belong together can be handed over as a `typing.NamedTuple`. It is not for free: the references of every
-array in it are counted in each call, so small functions that get one are compiled with ``inline="always"``.
+Arrays that belong together can be passed as a `typing.NamedTuple`. This is not free: every call updates the reference
+count of each array in it, so small functions that take one are compiled with ``inline="always"``.
 """
 
 from __future__ import annotations
@@ -47,15 +47,15 @@ def compiled(function: Function | None = None, /, **options: Any) -> Function | 
     """Compile a function on its first call, and keep the machine code on disk for later processes.
 
     Use it bare (``@compiled``) or with options of `numba.njit` (``@compiled(fastmath=True)``). The code is kept where
-    Numba can write: beside the source, else in the user's cache folder (``NUMBA_CACHE_DIR`` names another). Where no
-    folder can be written, as in a read-only container, the function is compiled once a process.
+    Numba can write: beside the source, else in the user's cache folder (``NUMBA_CACHE_DIR`` overrides it). If no folder
+    is writable, as in a read-only container, the function is compiled once per process.
 
     Args:
-        function: A function of arrays and numbers in the part of Python that Numba understands.
+        function: A function of arrays and numbers, in the subset of Python that Numba supports.
         **options: Further options of `numba.njit`; ``cache`` and ``nogil`` are on unless given.
 
     Returns:
-        The compiled function, or `function` itself where Numba is missing.
+        The compiled function, or `function` itself if Numba is not installed.
     """
     if function is None:
         return lambda decorated: _compile(decorated, options)
@@ -65,15 +65,15 @@ def compiled(function: Function | None = None, /, **options: Any) -> Function | 
 def _compile(function: Function, options: dict[str, Any]) -> Function:
     if numba is None:
         return function
-    # Nothing calls the functions from C, and an entry for it is compiled with each.
+    # Nothing calls the functions from C, so don't compile the C entry point that Numba adds to each.
     kept, options = options.get("cache", True), {"nogil": True, "no_cfunc_wrapper": True, **options, "cache": False}
     dispatcher: Function = numba.njit(**options)(function)
-    if kept and dispatcher is not function:  # it is with NUMBA_DISABLE_JIT, for a debugger
+    if kept and dispatcher is not function:  # with NUMBA_DISABLE_JIT, for a debugger, it is the function itself
         from sgbd.machine.kept_code import keep_on_disk
 
         try:
             keep_on_disk(dispatcher)
-        except RuntimeError as error:  # raised by Numba when it finds no folder to keep the code in
+        except RuntimeError as error:  # raised by Numba if it finds no writable folder
             if "cannot cache function" not in str(error):
                 raise
             logger.info("no writable folder for compiled code: %s is compiled in every process", function.__qualname__)
@@ -81,7 +81,7 @@ def _compile(function: Function, options: dict[str, Any]) -> Function:
 
 
 def _announce_first_compilation() -> None:
-    """Say once a process that loops are compiled, if they really are: those that are kept are read without a word."""
+    """Log once per process that loops are being compiled; reading kept code from disk logs nothing."""
 
     class Announcement(event.Listener):
         told = False
@@ -94,7 +94,7 @@ def _announce_first_compilation() -> None:
                 )
 
         def on_end(self, compilation: Any) -> None:
-            """Nothing is said of it."""
+            """Log nothing."""
 
     event.register("numba:compile", Announcement())
 

@@ -1,4 +1,4 @@
-"""Doubly linked lists on arrays, for compiled loops: an item is in one of several lists, and leaves it in one step."""
+"""Doubly linked lists on arrays, for compiled loops: an item is in at most one list and leaves it in constant time."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class LinkedLists(NamedTuple):
 
     Attributes:
         head: int64 [L], the first item of each list.
-        following: int64 [M], the next item of the same list.
-        preceding: int64 [M], the one before.
+        following: int64 [M], the next item in the same list.
+        preceding: int64 [M], the previous item in the same list.
     """
 
     head: NDArray[np.int64]
@@ -25,13 +25,13 @@ class LinkedLists(NamedTuple):
 
     @classmethod
     def empty(cls, lists: int, items: int) -> LinkedLists:
-        """Return empty lists, and as many items that are in none."""
+        """Return `lists` empty lists, and room for `items` items, none of them in a list."""
         return cls(np.full(lists, -1), *np.full((2, items), -1))
 
 
 @compiled(inline="always")
 def prepend(lists: LinkedLists, number: int | np.int64, item: int | np.int64) -> None:
-    """Put an item that is in no list at the beginning of one."""
+    """Insert an item that is in no list at the beginning of list `number`."""
     first = lists.head[number]
     lists.following[item], lists.preceding[item] = first, -1
     if first >= 0:
@@ -41,7 +41,7 @@ def prepend(lists: LinkedLists, number: int | np.int64, item: int | np.int64) ->
 
 @compiled(inline="always")
 def unlink(lists: LinkedLists, number: int | np.int64, item: int | np.int64) -> None:
-    """Take an item out of its list."""
+    """Remove an item from its list, `number`."""
     before, after = lists.preceding[item], lists.following[item]
     if before >= 0:
         lists.following[before] = after

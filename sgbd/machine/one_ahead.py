@@ -1,4 +1,4 @@
-"""Items made in a thread, each while the one before it is worked on."""
+"""Compute the next item in a thread while the caller works on the current one."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ Item = TypeVar("Item")
 
 
 def one_ahead(make: Callable[[], Item | None]) -> Iterator[Item]:
-    """Make items one after the other, the next one in a thread of its own while the caller works on this one.
+    """Make items one after another, the next one in a separate thread while the caller works on the current one.
 
-    They are made in turn, by one thread, and none is begun before the one before the last was taken: the results are
-    those of a plain loop. On a single processor it is one.
+    One thread makes them in order, and starts an item only when the caller asks for the one before it, so the results
+    are those of a plain loop. On a single processor it is a plain loop.
 
     Args:
         make: Makes the next item; None ends the items.
 
     Yields:
-        The items in turn.
+        The items in order.
 
     Raises:
-        BaseException: What `make` raised, where the item that it did not make would have come.
+        BaseException: What `make` raised, in place of the item that it failed to make.
     """
     if thread_count() == 1:
         while (item := make()) is not None:
             yield item
         return
-    # Leaving the block, also where the caller breaks off, waits for the item that is being made.
+    # Leaving the block waits for the item being made, also if the caller stops early.
     with ThreadPoolExecutor(1, "sgbd_one_ahead") as thread:
         future = thread.submit(make)
         while (item := future.result()) is not None:

@@ -1,4 +1,4 @@
-"""Work in a folder that several processes may be asked for, and one may do."""
+"""Work in a folder that only one process at a time may do, though several may try."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 WITHOUT_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP)
-"""How file systems that cannot lock files say so, some network shares among them."""
+"""Error codes of file systems that cannot lock files, such as some network shares."""
 
 
 @contextlib.contextmanager
@@ -21,17 +21,17 @@ def one_process_at_a_time(
     doing: str,
     wait: Callable[[Callable[[], bool]], None] | None = None,
 ) -> Iterator[None]:
-    """Hold a lock between processes; while another one has it, say so and wait.
+    """Hold a lock between processes; while another process holds it, log this and wait.
 
-    The system releases the lock when its holder dies, however that happens. Where files cannot be locked, the work is
-    done without, and a warning says so.
+    The system releases the lock when its holder dies, for whatever reason. If files cannot be locked, the work is done
+    without a lock, after a warning.
 
     Args:
-        lock_file: File that stands for the work; its folder exists.
-        log: Where the notice goes.
+        lock_file: File that represents the work; its folder exists.
+        log: Logger for the notice.
         doing: What the other process does, such as "prepares data/graphs/train".
-        wait: Waits, and shows how far the other process is, until the function that it is given says that the lock is
-            held; each call of that takes a second at the most. None waits without a word.
+        wait: Waits until the function that it is given returns that the lock is held, and may show the progress of the
+            other process meanwhile; each call of that function takes at most a second. None waits silently.
 
     Raises:
         OSError: If the lock file cannot be written.

@@ -1,4 +1,4 @@
-"""Progress bars: drawn in place on a terminal, a line now and then in a log."""
+"""Progress bars: redrawn in place on a terminal, an occasional line in a log."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import Any
 from tqdm import tqdm
 
 INTERVAL = 30.0
-"""Seconds between two lines of a bar where nothing can be drawn in place: in a file, a pipe, a CI job."""
+"""Seconds between two lines of a bar that cannot be redrawn in place: in a file, a pipe or a CI job."""
 
 
 class ProgressBar(tqdm):
-    """A bar of tqdm, with its arguments, that fills no log with copies of itself.
+    """A bar of tqdm, with its arguments, that does not flood a log with copies of itself.
 
-    Where standard error is no terminal, a bar leaves a line every `INTERVAL` seconds, and none if it takes less; where
-    there is none, as in a program with windows, nothing.
+    If standard error is not a terminal, the bar writes one line every `INTERVAL` seconds, and none if it takes less
+    time. If there is no standard error, as in a program with windows, it writes nothing.
     """
 
     def __init__(self, *args: Any, **options: Any) -> None:
@@ -26,29 +26,29 @@ class ProgressBar(tqdm):
 
 
 class _LogLines:
-    """Takes all that a bar draws, and lets a line through now and then."""
+    """A file for a bar to draw into that lets only an occasional line through."""
 
     def __init__(self) -> None:
         self._last = time.monotonic()
 
     def write(self, text: str) -> None:
-        """Write a drawing of a bar as a line, if the last one is long enough ago."""
+        """Write a drawing of a bar as a line, if the previous one was written long enough ago."""
         now = time.monotonic()
         if sys.stderr is not None and text.strip() and now - self._last >= INTERVAL:
             sys.stderr.write(f"{text.strip()}\n")
             self._last = now
 
     def flush(self) -> None:
-        """Show what was written."""
+        """Flush standard error."""
         if sys.stderr is not None:
             sys.stderr.flush()
 
 
 class ConsoleHandler(logging.StreamHandler[Any]):
-    """Messages above the bars on a terminal, not within them."""
+    """Writes messages above the bars on a terminal, not into them."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write a message, and draw the bars again below it."""
+        """Write a message, and redraw the bars below it."""
         try:
             tqdm.write(self.format(record), file=self.stream)
         except Exception:

@@ -1,4 +1,4 @@
-"""Memory that is kept from call to call."""
+"""Memory that is reused from call to call."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ _memory = threading.local()
 
 
 def reused(role: str, shape: tuple[int, ...], dtype: type) -> npt.NDArray[Any]:
-    """Return an array to work in, the same one in every call from this thread as long as the shape stays.
+    """Return an array as work space, the same one in every call from this thread as long as the shape stays the same.
 
-    Fresh memory of some size comes from the system page by page, which takes as long as what is computed in it.
+    The system provides large fresh memory page by page, which takes as long as the computation in it.
 
     Args:
-        role: What the array is for: no two in use at a time share one.
+        role: Purpose of the array; two arrays in use at the same time need different roles.
         shape: Its shape.
         dtype: Its type.
 
     Returns:
-        The array, with anything in it.
+        The array, uninitialised.
     """
     array: npt.NDArray[Any] | None = getattr(_memory, role, None)
     if array is None or array.shape != shape:

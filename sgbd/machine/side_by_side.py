@@ -1,4 +1,4 @@
-"""Jobs side by side in threads: compiled loops and matrix products, which release the interpreter lock."""
+"""Parallel jobs in threads: compiled loops and matrix products, which release the interpreter lock."""
 
 from __future__ import annotations
 
@@ -15,47 +15,48 @@ from sgbd.machine.processors import usable_processors
 Result = TypeVar("Result")
 
 MOST_THREADS = 2
-"""Threads at the most unless the user asks for more: there is little to share beyond them."""
+"""Maximum number of threads unless the user asks for more: there is little work to share beyond this."""
 
 _most_threads = MOST_THREADS
 
 _pools: dict[int, ThreadPoolExecutor] = {}
 _lock = threading.Lock()
 if hasattr(os, "register_at_fork"):
-    # Threads do not survive a fork: a child starts its own. That the lock is held meanwhile keeps it whole.
+    # Threads do not survive a fork, so a child process starts its own. Holding the lock while forking keeps the pools
+    # consistent.
     os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=lambda: _forget())
 
 
 def thread_count(asked: int | None = None) -> int:
-    """Return how many threads to work in; if the user asks for no number, one for each processor, at most 2."""
+    """Return the number of threads to use: `asked` if given, otherwise one per usable processor, at most 2."""
     return asked or min(_most_threads, len(usable_processors()))
 
 
 def limit_threads(most: int) -> None:
-    """Let this process work in fewer threads: it is one of several that share the processors.
+    """Lower the number of threads of this process, because several processes share the processors.
 
     Args:
-        most: Threads at the most where the user asks for no number.
+        most: Maximum number of threads if the user asks for no number.
     """
     global _most_threads
     _most_threads = max(1, min(MOST_THREADS, most))
 
 
 def bands(rows: int, count: int) -> list[tuple[int, int]]:
-    """Cut rows into a band for each thread: its first row, and the row after its last."""
+    """Divide rows into one band per thread: its first row, and the row after its last."""
     return list(pairwise([rows * k // count for k in range(count + 1)]))
 
 
 def side_by_side(jobs: Sequence[Callable[[], Result]], threads: int) -> list[Result]:
-    """Do jobs, in this thread and helping ones.
+    """Run jobs in parallel, in this thread and in helper threads.
 
-    The helpers wait for the next call when they are done, as starting a thread takes as long as a small job. A job that
-    none of them has begun when this thread comes to it is done here, so that callers in several threads, and jobs that
-    call this in turn, cannot wait for each other for ever.
+    Helper threads stay alive for the next call, because starting a thread takes as long as a small job. This thread
+    runs every job that no helper has started when its turn comes. So neither concurrent callers nor jobs that call this
+    function themselves can wait for each other forever.
 
     Args:
         jobs: Functions without arguments that are independent of each other.
-        threads: How many may run at a time, this one included.
+        threads: Maximum number of threads that run at the same time, including this one.
 
     Returns:
         Their results, in the order of the jobs.
@@ -64,8 +65,8 @@ def side_by_side(jobs: Sequence[Callable[[], Result]], threads: int) -> list[Res
         return [job() for job in jobs]
     futures: list[Future[Result]] = [Future() for _ in jobs[1:]]
     try:
-        # Where no thread can be started, as there are as many as the system allows or the main thread has ended, all
-        # that is left is done here.
+        # If no thread can be started, because the system's limit is reached or the main thread has ended, this thread
+        # runs all remaining jobs.
         with contextlib.suppress(RuntimeError):
             pool = _helpers(min(threads, len(jobs)) - 1)
             for job, future in zip(jobs[1:], futures, strict=True):
@@ -74,7 +75,7 @@ def side_by_side(jobs: Sequence[Callable[[], Result]], threads: int) -> list[Res
         for job, future in zip(jobs[1:], futures, strict=True):
             results.append(job() if future.cancel() else future)
     finally:
-        # After an error, too, nobody works on in arrays that the caller takes for its own again.
+        # Wait for the helpers, also after an error: the caller may reuse the arrays that they write to.
         for future in futures:
             if not future.cancel():
                 future.exception()
@@ -82,7 +83,7 @@ def side_by_side(jobs: Sequence[Callable[[], Result]], threads: int) -> list[Res
 
 
 def _do(job: Callable[[], Result], future: Future[Result]) -> None:
-    """Do a job that nobody has begun or cancelled."""
+    """Run a job unless it was cancelled, and store its result or error in the future."""
     if future.set_running_or_notify_cancel():
         try:
             future.set_result(job())
@@ -91,6 +92,7 @@ def _do(job: Callable[[], Result], future: Future[Result]) -> None:
 
 
 def _helpers(count: int) -> ThreadPoolExecutor:
+    """Return the pool of this many helper threads, created on first use."""
     with _lock:
         if count not in _pools:
             _pools[count] = ThreadPoolExecutor(count, "sgbd")
@@ -98,5 +100,6 @@ def _helpers(count: int) -> ThreadPoolExecutor:
 
 
 def _forget() -> None:
+    """Drop the pools in a forked child, whose threads do not exist, and release the lock."""
     _pools.clear()
     _lock.release()

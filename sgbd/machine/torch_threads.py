@@ -1,4 +1,4 @@
-"""How many threads PyTorch's operations run in."""
+"""Number of threads of PyTorch's operations."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import torch
 
 @contextmanager
 def torch_threads(count: int) -> Iterator[None]:
-    """Run PyTorch's operations in so many threads meanwhile.
+    """Run PyTorch's operations in this many threads inside the context.
 
-    The matrices of a superpixel graph are small: a second thread gains little on an idle machine, and where the cores
-    are busy its threads wait for each other, which costs an order of magnitude.
+    The matrices of a superpixel graph are small: a second thread gains little on an idle machine. If the cores are
+    busy, the threads wait for each other, which costs an order of magnitude.
 
     Args:
         count: Number of threads, at least 1.
