@@ -1,4 +1,4 @@
-"""Classical methods for comparison: a frame in, a label map out, without learning."""
+"""Classical methods for comparison: from a frame to a label map, without learning."""
 
 from sgbd.baselines.baseline import Baseline
 from sgbd.baselines.felzenszwalb import Felzenszwalb

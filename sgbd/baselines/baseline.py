@@ -1,4 +1,4 @@
-"""The interface of the methods that are compared with."""
+"""The interface of the baselines, the methods used for comparison."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from sgbd.superpixels import Superpixels
 
 
 class Baseline(ABC):
-    """Segments frames without having learned anything.
+    """Segments frames without learning.
 
     Attributes:
-        decides_objects: Whether the method itself says what an object is. If not, every pixel belongs to a segment, and
-            only protocols that take this from the truth can judge it.
+        decides_objects: Whether the method decides what is an object. If not, every pixel belongs to a segment, and
+            only protocols that take this decision from the ground truth can score it.
     """
 
     decides_objects: bool = False
 
     @abstractmethod
     def __call__(self, frame: Frame) -> npt.NDArray[np.int32]:
-        """Segment a frame; its truth, if it has any, is not looked at.
+        """Segment a frame without using its ground truth.
 
         Args:
             frame: The frame.
 
         Returns:
-            int32 [H, W]: segments from 1; 0 is what the method takes for no object, which occurs only with
+            int32 [H, W]: segments from 1; 0 is what the method considers no object, which occurs only if
             `decides_objects`.
         """
 
@@ -46,12 +46,12 @@ class SuperpixelBaseline(Baseline):
         self.superpixels = superpixels
 
     def __call__(self, frame: Frame) -> npt.NDArray[np.int32]:
-        """Over-segment a frame, and merge."""
+        """Over-segment a frame and merge its superpixels."""
         return self.merge(frame, self.superpixels(frame))
 
     @abstractmethod
     def merge(self, frame: Frame, label_map: LabelMap) -> npt.NDArray[np.int32]:
-        """Merge superpixels to segments.
+        """Merge superpixels into segments.
 
         Args:
             frame: The frame.

@@ -1,4 +1,4 @@
-"""The region adjacency graph that the classical merging methods cut, as scikit-image wants it."""
+"""The region adjacency graph that the classical merging methods cut, in scikit-image's format."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ LAB_RANGE = 100.0
 
 
 class ColorDepthGraph:
-    """Makes graphs of superpixels whose edges are weighted by how different their ends are.
+    """Builds graphs of superpixels whose edges are weighted by how different their ends are.
 
-    An edge's weight is the distance of the mean colours (Lab, 1 from black to white) plus the weighted mean depth step
-    across the border; a border without any depth counts as one without a step.
+    An edge's weight is the distance of the mean colours (in Lab, where black to white is 1) plus the weighted mean
+    depth step across the border; a border without any depth counts as one without a step.
 
     Args:
-        depth_weight: Weight of a depth step of a metre against a colour step from black to white.
+        depth_weight: Weight of a depth step of one metre relative to a colour step from black to white.
 
     Raises:
         ValueError: If the weight is negative.
@@ -37,7 +37,7 @@ class ColorDepthGraph:
         self.depth_weight = depth_weight
 
     def __call__(self, frame: Frame, label_map: LabelMap) -> RAG:
-        """Make the graph of a frame.
+        """Build the graph of a frame.
 
         Args:
             frame: The frame.
@@ -69,7 +69,7 @@ class ColorDepthGraph:
 
         Args:
             first: Attributes of one end.
-            second: Attributes of the other.
+            second: Attributes of the other end.
             edge: `known` and `step` of the edge.
         """
         color = math.dist(first["color"] / first["pixels"], second["color"] / second["pixels"])

@@ -1,4 +1,4 @@
-"""Graph-based segmentation of the pixel grid (Felzenszwalb and Huttenlocher), scikit-image's."""
+"""Graph-based segmentation of the pixel grid (Felzenszwalb and Huttenlocher), with scikit-image."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class Felzenszwalb(Baseline):
     doi:10.1023/B:VISI.0000022288.19776.77. The image has four channels: Lab, divided by 100, and weighted depth.
 
     Args:
-        scale: The larger, the larger the segments.
-        sigma: Width of the Gaussian that smooths the image first, pixels.
+        scale: Larger values give larger segments.
+        sigma: Standard deviation of the Gaussian that first smooths the image, pixels.
         min_size: Smallest segment, pixels.
-        depth_weight: Weight of a depth step of a metre against a colour step from black to white.
+        depth_weight: Weight of a depth step of one metre relative to a colour step from black to white.
 
     Raises:
         ValueError: If a number is negative.
@@ -48,7 +48,7 @@ class Felzenszwalb(Baseline):
         """Segment a frame."""
         image = np.dstack([rgb2lab(frame.rgb) / LAB_RANGE, self.depth_weight * filled_depth(frame.depth)])
         with warnings.catch_warnings():
-            # It takes any number of channels, and only suspects that four were not meant.
+            # It supports any number of channels; the warning only suspects that four were not intended.
             warnings.filterwarnings("ignore", message="Got image with third dimension", category=RuntimeWarning)
             segments = felzenszwalb(image, scale=self.scale, sigma=self.sigma, min_size=self.min_size)
         return segments.astype(np.int32) + 1

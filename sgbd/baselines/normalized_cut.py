@@ -1,4 +1,4 @@
-"""Superpixels divided by normalised cuts."""
+"""Normalised cuts of the graph of superpixels."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from sgbd.superpixels import Superpixels
 
 
 class NormalizedCut(SuperpixelBaseline):
-    """Divides the graph in two as long as the cut is cheap, with scikit-image's `cut_normalized`.
+    """Divides the graph in two, recursively, as long as the cut is cheap, with scikit-image's `cut_normalized`.
 
     J. Shi, J. Malik, "Normalized cuts and image segmentation", IEEE TPAMI 22(8), 2000, doi:10.1109/34.868688.
 
     Args:
         superpixels: Frame to label map int32 [H, W], ids 0..N-1.
-        threshold: Normalised cut from which on a part is left whole, 0 to 2.
+        threshold: Value of the normalised cut, 0 to 2, from which a part is not divided.
         scale: Difference of two superpixels (see `ColorDepthGraph`) at which their similarity, a Gaussian of it, has
             fallen to 1/e.
-        depth_weight: Weight of a depth step of a metre against a colour step from black to white.
+        depth_weight: Weight of a depth step of one metre relative to a colour step from black to white.
         seed: Fixes the start vectors of the eigenvalue solver.
 
     Raises:
@@ -52,6 +52,6 @@ class NormalizedCut(SuperpixelBaseline):
         """Merge superpixels."""
         graph = self.graph(frame, label_map)
         for _, _, edge in graph.edges(data=True):
-            # Never 0: a node without any similarity has no degree to divide by.
+            # Never 0: a node whose similarities are all 0 has degree 0, by which the cut is divided.
             edge["weight"] = max(math.exp(-((edge["weight"] / self.scale) ** 2)), 1e-6)
         return cut_normalized(label_map, graph, self.threshold, rng=self.seed).astype(np.int32) + 1

@@ -1,4 +1,4 @@
-"""Objects as what stands on the largest plane: depth alone, nothing learned."""
+"""Objects as whatever stands on the largest plane, from depth alone, without learning."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from sgbd.frame import Frame, Intrinsics
 Points = npt.NDArray[np.float64]
 
 PLANE_POINTS = 3
-"""Points that make a plane."""
+"""Number of points that define a plane."""
 
 
 class PlaneRemoval(Baseline):
-    """Finds the supporting plane by RANSAC and takes the connected components of what stands on it for objects.
+    """Finds the supporting plane by RANSAC; the connected components of what stands on it are the objects.
 
     The classical tabletop pipeline (R. B. Rusu et al., "Close-range scene segmentation and reconstruction of 3D point
-    cloud maps for mobile manipulation in domestic environments", IROS 2009, doi:10.1109/IROS.2009.5354683): the plane
-    with the most points (M. A. Fischler, R. C. Bolles, "Random sample consensus", CACM 24(6), 1981,
-    doi:10.1145/358669.358692), fitted to all of them; the points above the convex hull of its points; components of
+    cloud maps for mobile manipulation in domestic environments", IROS 2009, doi:10.1109/IROS.2009.5354683): find the
+    plane with the most points (M. A. Fischler, R. C. Bolles, "Random sample consensus", CACM 24(6), 1981,
+    doi:10.1145/358669.358692) and fit it to all of them; keep the points above the convex hull of its points; group
     neighbouring pixels without a depth step between them.
 
     Args:
-        tolerance: Distance at which a point still lies on the plane, metres at a depth of one metre. It grows with the
-            square of the depth, as the noise of structured light does.
+        tolerance: Distance from the plane up to which a point lies on it, metres, at a depth of one metre. It grows
+            with the square of the depth, like the noise of structured light.
         min_height: Smallest distance of an object's point from the plane, metres.
-        max_height: Largest, metres.
+        max_height: Largest distance of an object's point from the plane, metres.
         max_step: Largest depth step between two neighbouring pixels of an object, metres.
         min_area: Smallest object, pixels.
-        trials: Planes that are tried.
-        seed: Fixes them.
+        trials: Number of planes to try.
+        seed: Seed of the random planes.
 
     Raises:
         ValueError: If a number is out of its range.
@@ -89,7 +89,7 @@ def back_projected(depth: npt.NDArray[np.float32], camera: Intrinsics) -> Points
         camera: The camera.
 
     Returns:
-        float64 [H, W, 3], metres (X right, Y down, Z forward); the origin where depth is missing.
+        float64 [H, W, 3], metres (X right, Y down, Z forward); the origin if depth is missing.
     """
     rows, columns = np.indices(depth.shape)
     z = depth.astype(np.float64)
@@ -103,14 +103,15 @@ def ransac_plane(
 
     Args:
         points: float64 [N, 3].
-        allowed: float64 [N], distance at which each point still lies on a plane.
-        trials: Planes that are tried, each through three points.
+        allowed: float64 [N], distance from a plane up to which each point lies on it.
+        trials: Number of planes to try, each through three points.
         rng: Chooses the points.
-        sample: Points that vote.
+        sample: Number of points that vote.
 
     Returns:
-        The unit normal, towards the origin, and the offset, so that ``points @ normal + offset`` is the distance,
-        fitted to all points on the best plane; None if there are fewer than three points, or all are in a row.
+        The unit normal, towards the origin, and the offset, such that ``points @ normal + offset`` is the distance.
+        They are fitted to all points on the best plane. None if there are fewer than three points, or all are
+        collinear.
     """
     if len(points) < PLANE_POINTS:
         return None
@@ -126,7 +127,7 @@ def ransac_plane(
     votes = (abs(points[voters] @ normals.T + offsets) <= allowed[voters, None]).sum(0)
     best = int(votes.argmax())
     normal, offset = normals[best], offsets[best]
-    # Twice: the fit moves the plane, and with it the points on it.
+    # Fit twice, because the first fit moves the plane, which changes the set of points on it.
     for _ in range(2):
         near = points[abs(points @ normal + offset) <= allowed]
         if len(near) < PLANE_POINTS:
@@ -139,7 +140,7 @@ def ransac_plane(
 
 
 def above_hull(points: Points, on_plane: npt.NDArray[np.bool_], normal: npt.NDArray[np.float64]) -> npt.NDArray:
-    """Tell which points, moved along the normal, meet the convex hull of the plane's points.
+    """Find the points whose projection along the normal falls inside the convex hull of the plane's points.
 
     Args:
         points: float64 [H, W, 3].
@@ -147,9 +148,9 @@ def above_hull(points: Points, on_plane: npt.NDArray[np.bool_], normal: npt.NDAr
         normal: float64 [3], its unit normal.
 
     Returns:
-        bool [H, W]; nowhere if the plane's points have no hull.
+        bool [H, W]; False everywhere if the plane's points have no hull.
     """
-    # Two axes in the plane: the normal's own smallest component makes the best-conditioned cross product.
+    # Two axes in the plane. The coordinate axis most perpendicular to the normal gives the best-conditioned product.
     first = np.cross(normal, np.eye(3)[int(abs(normal).argmin())])
     first /= np.linalg.norm(first)
     flat = points @ np.stack([first, np.cross(normal, first)], axis=1)
@@ -166,16 +167,16 @@ def above_hull(points: Points, on_plane: npt.NDArray[np.bool_], normal: npt.NDAr
 def components(
     depth: npt.NDArray[np.float32], mask: npt.NDArray[np.bool_], max_step: float, min_area: int
 ) -> npt.NDArray[np.int32]:
-    """Number the connected components of a mask, divided where the depth steps.
+    """Number the connected components of a mask, separated at depth steps.
 
     Args:
         depth: float32 [H, W], metres.
-        mask: bool [H, W], the pixels that take part.
+        mask: bool [H, W], the pixels to group.
         max_step: Largest depth step between two neighbours (side by side, or one above the other) of one component.
-        min_area: Pixels a component needs to be kept.
+        min_area: Smallest component to keep, pixels.
 
     Returns:
-        int32 [H, W], 0 where there is no component, 1 and more in the order in which rows meet them.
+        int32 [H, W], 0 outside the components; components are numbered from 1 in raster order of their first pixel.
     """
     number = np.arange(depth.size).reshape(depth.shape)
     ends = []

@@ -1,4 +1,4 @@
-"""Superpixels merged wherever two neighbours differ by less than a threshold."""
+"""Superpixels merged if two neighbours differ by less than a threshold."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class ThresholdCut(SuperpixelBaseline):
 
     Args:
         superpixels: Frame to label map int32 [H, W], ids 0..N-1.
-        threshold: Weight from which on two superpixels are kept apart; see `ColorDepthGraph`.
-        depth_weight: Weight of a depth step of a metre against a colour step from black to white.
+        threshold: Edge weight from which two superpixels are kept apart; see `ColorDepthGraph`.
+        depth_weight: Weight of a depth step of one metre relative to a colour step from black to white.
     """
 
     def __init__(self, superpixels: Superpixels, threshold: float = 0.1, depth_weight: float = 3.0) -> None:
