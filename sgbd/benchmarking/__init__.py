@@ -1,1 +1,1 @@
-"""Measurement of speed and memory: every stage from a frame to its objects, preparation and training."""
+"""Measure speed and memory of all stages from frame to objects, of preparation, training and evaluation."""

@@ -1,4 +1,4 @@
-"""The model to measure: a trained one, or the configured one with the weights it starts training from."""
+"""Provide the model to measure: a trained checkpoint, or the configured model with its initial weights."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from sgbd.segmenter import Segmenter
 
 
 def configured_checkpoint(config: DictConfig, n: int | None = None) -> Checkpoint:
-    """Return the checkpoint that a configuration means.
+    """Return the checkpoint selected by a configuration.
 
     Args:
-        config: With `checkpoint`, a file or folder of a training, or null; then with the groups of conf/train.yaml that
-            say what a model is.
-        n: Takes the place of the superpixels' `n_segments`.
+        config: Contains `checkpoint`, the file or folder of a training; if null, also the groups of conf/train.yaml
+            that define a model.
+        n: Overrides `n_segments` of the superpixels.
 
     Returns:
-        The trained model with its recipe, or an untrained one: how long a model takes does not depend on its weights.
+        The trained model with its recipe, or an untrained one, since run time does not depend on the weights.
 
     Raises:
-        ConfigurationError: If the superpixels take no `n_segments`.
+        ConfigurationError: If `n` is given, but the superpixels have no option `n_segments`.
         CheckpointError: If the file cannot be read.
     """
     if config.checkpoint is not None:
@@ -41,8 +41,6 @@ def configured_checkpoint(config: DictConfig, n: int | None = None) -> Checkpoin
 
 
 def configured_segmenter(config: DictConfig, n: int | None = None) -> Segmenter:
-    """Return what segments frames with the checkpoint that a configuration means; arguments and errors as for
-    `configured_checkpoint`.
-    """
+    """Return a segmenter with the selected checkpoint; arguments and errors as for `configured_checkpoint`."""
     checkpoint = configured_checkpoint(config, n)
     return Segmenter(checkpoint, threads=torch.get_num_threads(), trust=trusted_packages(config))

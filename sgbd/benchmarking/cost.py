@@ -1,4 +1,4 @@
-"""What each of several methods costs: parameters, bytes, time a frame with and without pre-processing, memory."""
+"""Measure the cost of methods: parameters, bytes, memory, and time per frame with and without pre-processing."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameSource
 
 BEFORE, AFTER = STAGES[:3], STAGES[3:]
-"""Stages of a trained model: pre-processing (frame to graph), and what follows."""
+"""Stages of a trained model: pre-processing (frame to graph) and the remaining ones."""
 
 PREPROCESSING, METHOD = "pre-processing", "method"
 
 MEMORY_FRAMES = 6
-"""Frames over which a fresh process's peak is watched."""
+"""Number of frames over which the peak memory of a fresh process is measured."""
 
 
 def measure_costs(
     config: DictConfig, segmenters: Mapping[str, Segmenter], methods: Mapping[str, Any], source: FrameSource
 ) -> Report:
-    """Measure methods in turns, one thread each, and the memory of each in a process of its own.
+    """Measure the time of methods in turns, single-threaded, and the memory of each in a separate process.
 
     Args:
-        config: With the keys of conf/compare.yaml.
+        config: Configuration with the keys of conf/compare.yaml.
         segmenters: Trained models by name.
-        methods: Other methods by name. Only baselines can be run; label images have no cost.
-        source: Where frames are taken from, spread evenly.
+        methods: Other methods by name. Only baselines are measured; label images have no cost.
+        source: Frames to sample evenly from.
 
     Returns:
         A report with the table `cost`.
@@ -67,7 +67,7 @@ def measure_costs(
         watches = {name: Stopwatch() for name in runs}
         for number in ProgressBar(range(config.cost_repeats + 1), "cost", unit="turn"):
             for name, run in runs.items():
-                # The first turn compiles.
+                # The first turn triggers compilation and is not counted.
                 run(frames[number % len(frames)], watches[name] if number else Stopwatch())
         rows = []
         for name in runs:
@@ -90,14 +90,14 @@ def measure_costs(
 
 
 def sample_frames(source: FrameSource, count: int) -> list[RawFrame]:
-    """Take frames evenly from a source, as a camera's driver would hand them over.
+    """Sample frames evenly from a source, in the form that a camera driver delivers.
 
     Args:
         source: The frames.
-        count: How many at the most.
+        count: Maximum number of frames.
 
     Raises:
-        ConfigurationError: If their sizes differ, so that times do not compare.
+        ConfigurationError: If there are no frames, or their sizes differ, so that times are not comparable.
     """
     if len(source) == 0:
         raise ConfigurationError("there are no frames to measure on: the split is empty")
@@ -144,7 +144,7 @@ def _times(stopwatch: Stopwatch, before: tuple[str, ...], after: tuple[str, ...]
 
 
 def count_parameters(checkpoint: Checkpoint) -> int:
-    """Return the number of trained values in a checkpoint, all stages and objectness heads together."""
+    """Return the number of parameters in a checkpoint, including all stages and objectness heads."""
     modules = [module for module in (checkpoint.model, checkpoint.objectness) if module is not None]
     own = sum(parameter.numel() for module in modules for parameter in module.parameters())
     return own + (0 if checkpoint.first_stage is None else count_parameters(checkpoint.first_stage))
@@ -159,7 +159,7 @@ def _size(config: DictConfig, name: str) -> dict[str, Any]:
 
 
 def _peak(config: DictConfig, name: str, frames: list[RawFrame], is_model: bool) -> float | None:
-    """Return the peak memory (MiB) of a fresh process beyond its imports; None where the system does not count it."""
+    """Return the peak memory (MiB) of a fresh process beyond its imports; None if the system does not report it."""
     with TemporaryDirectory(prefix="sgbd_cost_") as folder:
         path = Path(folder) / "frames.npz"
         save_frames(frames, path)

@@ -1,4 +1,4 @@
-"""A picture of what a benchmark found out about the growth of costs."""
+"""Plot how costs grow with image size, number of superpixels and number of frames."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from textwrap import fill
 from sgbd.benchmarking.report import Report
 
 TITLE_WIDTH = 48
-"""Characters of a line that a panel has room for."""
+"""Maximum number of characters per line of a panel title."""
 
 
 def draw_curves(report: Report, path: Path) -> None:
-    """Draw the time of a frame against its pixels and against n, and of a preparation against its frames.
+    """Plot frame time against image size and against n, and preparation time against the number of frames.
 
     Args:
-        report: A report with the tables of the section `curve`.
+        report: Report with the tables of the section `curve`.
         path: PNG file to write.
     """
     from matplotlib.figure import Figure

@@ -1,4 +1,4 @@
-"""Frames as image files in a folder, for measuring preparation, training and evaluation on what a disk holds."""
+"""Write frames as image files, to measure preparation, training and evaluation from disk."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from sgbd.jobs.configuration import ConfigurationError
 from sgbd.sources import Folder, LabelRule
 
 LARGEST_LABEL = 65534
-"""What a 16-bit label image can hold beside the label of ignored pixels."""
+"""Largest label of a 16-bit label image, apart from the label of ignored pixels."""
 
 IGNORED = 65535
 
 
 def write_dataset(frames: Sequence[RawFrame], count: int, root: Path) -> Folder:
-    """Write frames as PNG files, repeated until there are enough.
+    """Write frames as PNG files, repeating them as needed.
 
     Args:
-        frames: The frames, with truth.
-        count: Files of each kind.
+        frames: The frames, with ground truth.
+        count: Number of files of each kind.
         root: An empty folder.
 
     Returns:
-        The frames as a source.
+        A source that reads the files.
 
     Raises:
-        ConfigurationError: If a frame has no truth.
+        ConfigurationError: If a frame has no ground truth.
     """
     for number in range(count):
         raw = frames[number % len(frames)]

@@ -1,4 +1,4 @@
-"""What was measured on: the machine, and the versions of what does the work."""
+"""Describe the machine and package versions, and limit the number of cores and threads."""
 
 from __future__ import annotations
 
@@ -20,18 +20,14 @@ PACKAGES = ("sgbd", "numpy", "numba", "scipy", "scikit-image", "torch", "torch-g
 
 
 def environment() -> dict[str, Any]:
-    """Return the processor, the number of cores that may be used, the load, and versions.
-
-    Returns:
-        JSON values.
-    """
+    """Return processor, number of usable cores, load and versions as plain JSON values."""
     return {
         "cpu": cpu_name(),
         "cores": os.cpu_count(),
         "cores_used": len(usable_processors()),
         "torch_threads": torch.get_num_threads(),
         "memory_gib": round(psutil.virtual_memory().total / 2**30, 1),
-        # Above the number of cores others were computing too: trust ratios more than times.
+        # A load above the number of cores means that other programs were running: trust ratios more than times.
         "load": round(psutil.getloadavg()[0], 2),
         "system": platform.platform(),
         "python": platform.python_version(),
@@ -40,7 +36,7 @@ def environment() -> dict[str, Any]:
 
 
 def cpu_name() -> str:
-    """Return the processor's name as the system tells it."""
+    """Return the processor name reported by the system."""
     info = Path("/proc/cpuinfo")
     if info.is_file():
         for line in info.read_text().splitlines():
@@ -51,14 +47,14 @@ def cpu_name() -> str:
 
 @contextmanager
 def limited_to(threads: int | None, torch_threads: int) -> Iterator[None]:
-    """Run on so many cores, with all threads and processes that are started meanwhile.
+    """Limit this process, and all threads and processes started within the context, to a number of cores.
 
     Args:
-        threads: Cores; None for all that this process may use.
-        torch_threads: Threads of PyTorch's operations.
+        threads: Number of cores; None for all that this process may use.
+        torch_threads: Number of threads of PyTorch operations.
 
     Raises:
-        ConfigurationError: If there are not as many, or the system cannot bind processes to cores.
+        ConfigurationError: If a number is out of range, or the system cannot bind processes to cores.
     """
     cores, torch_before = usable_processors(), torch.get_num_threads()
     if threads is not None and not 1 <= threads <= len(cores):

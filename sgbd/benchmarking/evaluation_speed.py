@@ -1,4 +1,4 @@
-"""Speed of evaluation on cached graphs, without and with contours."""
+"""Measure the speed of evaluation on cached graphs, without and with contours."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ def measure_evaluation(cache: Path, split: str, segmenter: Segmenter, repeats: i
 
     Args:
         cache: Recipe folder of the graphs.
-        split: Their split.
-        segmenter: Model, partition and features.
-        repeats: Passes over the graphs.
+        split: Split of the graphs.
+        segmenter: Provides model, partition and features.
+        repeats: Number of passes over the graphs.
 
     Returns:
-        A row for each of `STAGES` with the times of a frame, and one for `Evaluator` on the whole dataset, without and
-        with contours, where every number is the time of a pass divided by the frames.
+        One row per stage of `STAGES` with the times per frame, and two rows for `Evaluator` on the whole dataset,
+        without and with contours, with the time of a pass divided by the number of frames.
     """
     features = segmenter.recipe["features"]
     dataset = SuperpixelGraphDataset(cache, split, features["node"], features["edge"])

@@ -1,4 +1,4 @@
-"""How much a benchmark measures."""
+"""The extent of a benchmark: numbers of repetitions, frames and graphs."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from sgbd.jobs.configuration import ConfigurationError
 
 @dataclass(frozen=True)
 class Extent:
-    """How much is measured.
+    """Numbers of repetitions, frames and graphs to measure.
 
     Attributes:
-        repeats: Of a frame.
-        reference_repeats: Of a frame by the reference, which takes a second or so.
-        memory_frames: Frames over which memory is watched.
-        start_repeats: Fresh processes with a warm cache of compiled code.
-        prepare_frames: Frames that are prepared.
-        train_graphs: Graphs of an epoch of training.
-        evaluate_repeats: Passes of evaluation.
+        repeats: Number of timed repetitions of a frame.
+        reference_repeats: The same for the reference, which takes about a second per frame.
+        memory_frames: Number of frames over which memory is measured.
+        start_repeats: Number of fresh processes with a warm compilation cache.
+        prepare_frames: Number of frames to prepare.
+        train_graphs: Number of graphs per training epoch.
+        evaluate_repeats: Number of evaluation passes.
     """
 
     repeats: int = 40
@@ -55,10 +55,10 @@ SHORT = Extent(
 
 
 def configured_extent(config: DictConfig) -> Extent:
-    """Return what is configured, and the full or the short extent where that is null.
+    """Return the configured extent; null values are taken from the full or the short extent.
 
     Args:
-        config: A configuration with the keys of conf/benchmark.yaml.
+        config: Configuration with the keys of conf/benchmark.yaml.
 
     Raises:
         ConfigurationError: If a number is below 1.

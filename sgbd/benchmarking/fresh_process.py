@@ -1,7 +1,7 @@
-"""What only a new process can tell: import time, the first frame, and how memory grows over many frames.
+"""Measure in a fresh process: import time, time of the first frame, and memory over many frames.
 
-``python -m sgbd.benchmarking.fresh_process JOB`` is that process: it imports nothing before it starts to count, does
-the job of the JSON text it is given, and prints what it found as JSON. `in_fresh_process` runs it.
+``python -m sgbd.benchmarking.fresh_process JOB`` is this process: it starts measuring before importing anything else,
+runs the job given as JSON, and prints the results as JSON. `in_fresh_process` starts it.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ MEBIBYTE = 2**20
 
 IMPORTS = ("numpy", "psutil", "torch", "sgbd.frame", "sgbd.segmenter")
 IMPORTS_OF_METHOD = {"reference": ("sgbd.benchmarking.reference",), "baseline": ("hydra.utils", "sgbd.baselines")}
-"""What is imported, and timed, before a method is loaded."""
+"""Modules whose import is timed before a method is loaded."""
 
 
 def save_frames(frames: Sequence[Any], path: Path) -> None:
-    """Write frames (`RawFrame`) where a new process finds them.
+    """Write frames (`RawFrame`) to a file for a fresh process.
 
     Args:
-        frames: The frames, all of one size.
-        path: An .npz file.
+        frames: The frames, all of the same size.
+        path: The .npz file.
     """
     import numpy as np
 
@@ -42,18 +42,18 @@ def save_frames(frames: Sequence[Any], path: Path) -> None:
 def in_fresh_process(
     job: Mapping[str, Any], environment: Mapping[str, str] | None = None, timeout: float = 600
 ) -> dict[str, Any]:
-    """Do a job of `do_job` in a process of its own.
+    """Run `do_job` in a fresh process.
 
     Args:
         job: The arguments of `do_job`.
         environment: Environment variables to set.
-        timeout: Seconds after which it is given up.
+        timeout: Maximum run time, seconds.
 
     Returns:
-        What `do_job` returns, and `process_seconds`: from the start of the process to its end.
+        The result of `do_job`, and `process_seconds`, the run time of the whole process.
 
     Raises:
-        RuntimeError: If the process fails; the message holds what it said.
+        RuntimeError: If the process fails; the message contains its error output.
     """
     started = time.perf_counter()
     done = subprocess.run(
@@ -82,23 +82,23 @@ def do_job(
     baseline: Mapping[str, Any] | None = None,
     numba_apart: bool = False,
 ) -> dict[str, Any]:
-    """Import, load, and segment frames, watching time and memory.
+    """Import the package, load a method and segment frames, while measuring time and memory.
 
     Args:
         method: `ours`, `reference` or `baseline`.
-        frames: File of `save_frames`.
-        n: Superpixels that the reference asks for.
-        count: Frames to segment, going round those of the file.
-        checkpoint: File of a checkpoint, for `ours`.
+        frames: File written by `save_frames`.
+        n: Number of superpixels requested by the reference.
+        count: Number of frames to segment, cycling through those in the file.
+        checkpoint: Checkpoint file, for `ours`.
         trust: Packages whose classes the checkpoint may name.
-        torch_threads: Threads of PyTorch's operations.
+        torch_threads: Number of threads of PyTorch operations.
         baseline: Configuration of a baseline (`sgbd.baselines`).
-        numba_apart: Call a small compiled function before the first frame, to see what Numba takes for its own start.
+        numba_apart: Call a small compiled function before the first frame, to measure the start of Numba separately.
 
     Returns:
-        Seconds, and seconds of processor time, for the imports and for each frame; seconds for loading the model;
-        resident memory (MiB) after the imports, with the model, with that small function, and after each frame; and the
-        peak since.
+        Wall and processor time (seconds) of the imports and of each frame; seconds for loading the model; resident
+        memory (MiB) after the imports, after loading the model, after the small compiled function and after each frame;
+        and the peak memory (MiB).
     """
     start, start_cpu = time.perf_counter(), time.process_time()
     for module in (*IMPORTS, *IMPORTS_OF_METHOD.get(method, ())):
@@ -152,7 +152,7 @@ def do_job(
 def _loaded(
     method: str, n: int, checkpoint: str, trust: Sequence[str], baseline: Mapping[str, Any] | None
 ) -> Callable[..., Any]:
-    """Load a method; return a function of colours, depth and camera of a frame."""
+    """Load a method and return it as a function of a frame's colours, depth and camera."""
     if method == "ours":
         from sgbd.segmenter import Segmenter
 
@@ -172,10 +172,10 @@ def _loaded(
 
 
 def peak_memory() -> float | None:
-    """Return the most memory that this process has held, MiB; None where the system does not count it."""
+    """Return the peak memory of this process, MiB; None if the system does not report it."""
     status = Path("/proc/self/status")
     if status.is_file():
-        # Not getrusage, whose peak a new program on Linux inherits from the process that started it.
+        # On Linux, a process inherits the peak reported by getrusage from its parent.
         for line in status.read_text().splitlines():
             if line.startswith("VmHWM:"):
                 return int(line.split()[1]) * 1024 / MEBIBYTE

@@ -1,4 +1,4 @@
-"""Whole-frame methods by name, to be measured side by side."""
+"""Create methods by name for timing whole frames side by side."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ def make_method(name: str, config: DictConfig, n: int) -> Method:
     """Return a method by its name.
 
     Args:
-        name: `ours`, the configured segmenter, frame to segmentation; `reference`, the published algorithm re-stated;
-            `scikit_image`, its two SLIC calls and nothing else; or `ours` with one option changed, as
-            `<group>/<option>`, such as `superpixels/slic_reference`, or as the option alone, such as `slic_reference`
-            or `gated_gcn`, where one group only has it.
-        config: Of the benchmark.
-        n: Superpixels asked for on colour and on depth.
+        name: `ours` for the configured segmenter; `reference` for the re-implemented published algorithm;
+            `scikit_image` for only its two SLIC calls; or a changed option of `ours`, given as `<group>/<option>`, such
+            as `superpixels/slic_reference`, or as the option alone, such as `slic_reference` or `gated_gcn`, if only
+            one group has it.
+        config: Configuration of the benchmark.
+        n: Number of superpixels requested for colour and for depth.
 
     Returns:
         A function of a frame.
 
     Raises:
-        ConfigurationError: If there is no such method; the message lists them.
+        ConfigurationError: If there is no such method; the message lists the choices.
     """
     if name == REFERENCE:
         reference = Reference.untrained(n)
@@ -47,11 +47,11 @@ def make_method(name: str, config: DictConfig, n: int) -> Method:
 
 
 def with_option(config: DictConfig, name: str) -> DictConfig:
-    """Return the configuration with one group's option changed.
+    """Return the configuration with the option of one group changed.
 
     Args:
-        config: Of the benchmark; Hydra must be running.
-        name: `<group>/<option>`, or an option that one group only has.
+        config: Configuration of the benchmark; Hydra must be initialised.
+        name: `<group>/<option>`, or an option that only one group has.
 
     Returns:
         A changed copy.

@@ -1,4 +1,4 @@
-"""How much memory processes hold at most while something runs."""
+"""Measure the peak memory of processes while something runs."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from sgbd.benchmarking.fresh_process import MEBIBYTE
 
 
 def this_process() -> list[psutil.Process]:
-    """Return this process alone."""
+    """Return only this process."""
     return [psutil.Process()]
 
 
 def worker_processes() -> list[psutil.Process]:
-    """Return the worker processes: children of the server that copies itself, or of this process without one."""
+    """Return the worker processes: children of the fork server or, without one, of this process."""
     children = psutil.Process().children()
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return children
@@ -30,15 +30,15 @@ def worker_processes() -> list[psutil.Process]:
 
 
 class PeakMemory:
-    """Watches how much memory any one of some processes holds at most, while it is entered.
+    """Context manager that records the largest memory of any single process of a group.
 
     Args:
-        processes: Gives the processes that are there at the moment.
+        processes: Returns the currently running processes.
 
     Attributes:
-        resident_mib: Largest resident memory of any one of them, MiB; None if there was none. What all of them share
-            (the imported libraries, where workers are copies of one process) counts in each.
-        own_mib: Largest memory that one of them shares with no other process, MiB: what one more worker costs.
+        resident_mib: Largest resident memory of a single process, MiB; None if there was no process. Memory shared
+            between processes (imported libraries of forked workers) counts in each.
+        own_mib: Largest unshared memory of a single process, MiB: the cost of an additional worker.
     """
 
     INTERVAL = 0.1
@@ -61,7 +61,7 @@ class PeakMemory:
     def _watch(self) -> None:
         while not self._done.wait(self.INTERVAL):
             self._look()
-        # What ends before the first look is seen, too.
+        # Measure at least once, even if the context ends before the first interval.
         self._look()
 
     def _look(self) -> None:

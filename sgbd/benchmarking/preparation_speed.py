@@ -1,4 +1,4 @@
-"""Speed and memory of preparation: image files to cached graphs."""
+"""Measure speed and memory of preparation, from image files to cached graphs."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from sgbd.sources import FrameSource
 def measure_preparation(
     source: FrameSource, segmenter: Segmenter, counts: Sequence[int], folder: Path, progress: bool = False
 ) -> tuple[list[dict[str, Any]], Path]:
-    """Prepare the same frames by several numbers of workers, after a warm-up that does not count.
+    """Prepare the same frames with different numbers of workers, after an uncounted warm-up.
 
     Args:
         source: Frames on disk.
-        segmenter: Gives the superpixels and the graph.
-        counts: Numbers of worker processes; 0 is this process.
+        segmenter: Provides the superpixels and the graph.
+        counts: Numbers of worker processes; 0 to run in this process.
         folder: An empty folder for the caches.
         progress: Whether to show progress bars.
 
     Returns:
-        A row for each number of workers, and the recipe folder of the graphs.
+        One row per number of workers, and the recipe folder of the graphs.
     """
     cache = prepare_frames(source, segmenter, 0, folder / "warm_up", progress)
     rows = []
@@ -46,11 +46,11 @@ def measure_preparation(
                 "workers": count,
                 "frames": len(source),
                 "seconds": wall,
-                # Workers import first; in a long preparation that does not count.
+                # Import time of the workers, negligible in a long preparation.
                 "seconds_to_first_graph": started,
                 "frames_per_second_then": len(source) / (wall - started),
                 "seconds_per_frame_and_core": (wall - started) * max(count, 1) / len(source),
-                # Of worker processes the system tells the processor time only after they have ended.
+                # The processor time of worker processes is only known after they have ended.
                 "cpu_seconds_per_frame": cpu / len(source) if count == 0 else None,
                 **{f"{stage}_ms": 1000 * seconds for stage, seconds in stages.items()},
                 "worker_resident_mib": memory.resident_mib if count else None,
@@ -63,7 +63,7 @@ def measure_preparation(
 def prepare_frames(
     source: FrameSource, segmenter: Segmenter, workers: int, folder: Path, progress: bool = False
 ) -> Path:
-    """Prepare frames; returns the recipe folder of the graphs."""
+    """Prepare frames and return the recipe folder of the graphs."""
     return prepare(
         source, segmenter.superpixels, segmenter.graph, folder, workers=workers, on_error="fail", progress=progress
     )

@@ -1,10 +1,10 @@
-"""The published algorithm, re-stated in the plain way that determines its cost, as what to measure against.
+"""A straightforward implementation of the published algorithm, as reference for speed and memory measurements.
 
 Örnek et al., "SupeRGB-D: Zero-shot instance segmentation in cluttered indoor environments", IEEE RA-L 8(6), 2023,
-arXiv 2212.11922. This is code of our own from the method's description, and nothing else in the package uses it. What
-makes its cost, and what `sgbd` does differently, is kept: a binary mask of the whole image for each patch (at one byte
-a pixel, the leanest there is), features by a loop over the patches, pairs by a double loop over bounding boxes,
-NetworkX for the components, and one more pass over the image for each patch that is painted.
+arXiv 2212.11922. The code was written from the description of the method and is used for benchmarks only. It keeps the
+steps that dominate the cost and that `sgbd` does differently: a binary mask of the whole image for each patch (at one
+byte per pixel, the smallest possible), features in a loop over patches, pairs in a double loop over bounding boxes,
+NetworkX for connected components, and one more pass over the image to paint each patch.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ FEATURES = 9
 """Mean red, green, blue; centroid x, y; mean depth; normal at the centroid."""
 
 COMBINE = 1000
-"""The id of a patch is that of its colour superpixel times this, plus that of its depth superpixel."""
+"""The id of a patch is COMBINE times the id of its colour superpixel plus the id of its depth superpixel."""
 
 
 def scikit_image_superpixels(frame: Frame, n_segments: int) -> tuple[npt.NDArray[np.integer], npt.NDArray[np.integer]]:
-    """Call scikit-image's SLIC twice, one call after the other, with the paper's settings.
+    """Run scikit-image's SLIC on colour and on depth, one after the other, with the paper's settings.
 
-    Missing depth stays 0: nothing but the calls shall cost time.
+    Missing depth stays 0, so that only the two calls are timed.
 
     Args:
         frame: The frame.
-        n_segments: Superpixels asked for in each call.
+        n_segments: Number of superpixels requested in each call.
 
     Returns:
-        Labels of the colours and of the depth, int [H, W] each, from 0.
+        Label maps of colour and of depth, int [H, W] each, from 0.
     """
     rgb = slic(frame.rgb, n_segments=n_segments, compactness=10, sigma=1, start_label=0)
     depth = slic(
@@ -59,11 +59,11 @@ def scikit_image_superpixels(frame: Frame, n_segments: int) -> tuple[npt.NDArray
 
 @dataclass(frozen=True)
 class Reference:
-    """Segments frames in the published way.
+    """Segments frames with the published algorithm.
 
     Attributes:
-        n_segments: Superpixels asked for on colour and on depth.
-        score: Features of both ends, float32 [P, 18], to merge logits [P]; a pair merges if its logit is above 0.
+        n_segments: Number of superpixels requested for colour and for depth.
+        score: Maps the features of both ends, float32 [P, 18], to merge logits [P]; logits above 0 merge.
     """
 
     n_segments: int
@@ -71,7 +71,7 @@ class Reference:
 
     @classmethod
     def untrained(cls, n_segments: int) -> Reference:
-        """Return one with the authors' form of the perceptron and random weights, on which time does not depend."""
+        """Return a reference with the authors' MLP and random weights, on which run time does not depend."""
         model = SharedMLP(FEATURES, hidden_channels=(128, 256, 256), plain_last=False, bias=False).eval()
 
         def score(ends: Tensor) -> Tensor:
@@ -84,7 +84,7 @@ class Reference:
 
         Args:
             frame: The frame.
-            stopwatch: Takes the time of each of `STAGES`, if it is given.
+            stopwatch: Records the time of each of `STAGES`, if given.
 
         Returns:
             int32 [H, W], segments from 1.
@@ -117,13 +117,13 @@ class Reference:
 
 
 def touching_boxes(masks: Masks) -> npt.NDArray[np.int64]:
-    """Pair the patches whose bounding boxes touch or overlap, by comparing every box with every other.
+    """Find the pairs of patches whose bounding boxes touch or overlap, by comparing all pairs of boxes.
 
     Args:
         masks: Mask of each patch, bool [H, W].
 
     Returns:
-        int64 [2, E], i < j, sorted.
+        int64 [2, E], pairs i < j, sorted.
     """
     boxes = []
     for mask in masks:

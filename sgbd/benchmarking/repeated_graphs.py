@@ -1,4 +1,4 @@
-"""A cache of many graphs from one of few, for measuring what training on many costs."""
+"""Simulate a large cache by repeating the graphs of a small one, to measure training on many graphs."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from sgbd.preparation import INDEX_FILE, RECIPE_FILE, graph_file_name, read_inde
 
 
 def repeat_graphs(cache: Path, split: str, count: int, folder: Path) -> Path:
-    """Link the graphs of a split as often as it takes, under names of their own.
+    """Create symbolic links to the graphs of a split, as many as requested, under different names.
 
-    To a program these are so many graphs: each has its entry in the index and its file, is read by itself, and takes
-    its own memory. Only the disk holds the few that there are.
+    To a program, these are separate graphs: each has its own index entry and file, is read separately and takes its own
+    memory. Only the disk space is shared.
 
     Args:
         cache: Recipe folder of the graphs.
-        split: Their split, complete.
-        count: Graphs wanted.
+        split: Split of the graphs; must be complete.
+        count: Number of graphs to create.
         folder: An empty folder.
 
     Returns:
-        A recipe folder like `cache`, with this split alone.
+        A recipe folder like `cache`, with only this split.
     """
     index = read_index(cache / split)
     assert index is not None

@@ -1,4 +1,4 @@
-"""The result of a benchmark: aligned tables for people, JSON for programs."""
+"""The report of a benchmark, as aligned Markdown tables and as JSON."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Table:
 
     Attributes:
         name: Key in the JSON file.
-        title: Heading; says what was measured, on what.
-        rows: Values by column; the same columns in all rows, None where there is no value.
+        title: Heading; says what was measured and on what.
+        rows: Values by column; all rows have the same columns, None marks missing values.
     """
 
     name: str
@@ -31,7 +31,7 @@ class Table:
     rows: list[dict[str, Any]]
 
     def markdown(self) -> str:
-        """Return the title and the table, aligned; columns that hold nothing are left out."""
+        """Return the title and the aligned table, without empty columns."""
         table = pd.DataFrame(self.rows).dropna(axis="columns", how="all")
         cells = table.map(_cell)
         align = ["right" if pd.api.types.is_numeric_dtype(table[name]) else "left" for name in table]
@@ -43,12 +43,12 @@ class Table:
 
 @dataclass
 class Report:
-    """Everything that one run measured.
+    """All results of one benchmark.
 
     Attributes:
         environment: Machine and versions.
-        settings: What was measured, as configured.
-        notes: What a reader has to know to judge the numbers.
+        settings: Configuration of the benchmark.
+        notes: Remarks needed to interpret the numbers.
         tables: The results.
     """
 
@@ -64,7 +64,7 @@ class Report:
         return table
 
     def heading(self) -> str:
-        """Return the lines that say what was measured on."""
+        """Return the lines that describe machine, versions and frames."""
         machine = self.environment
         versions = ", ".join(f"{package} {number}" for package, number in machine["versions"].items() if number)
         lines = [
@@ -91,7 +91,7 @@ class Report:
         }
 
     def write(self, json_path: Path, markdown_path: Path) -> None:
-        """Write both forms; a file that was there is replaced as a whole."""
+        """Write the report as JSON and as Markdown; existing files are replaced atomically."""
         for path, content in (
             (json_path, json.dumps(self.json(), indent=2, allow_nan=False) + "\n"),
             (markdown_path, self.markdown()),

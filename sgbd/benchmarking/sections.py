@@ -1,4 +1,4 @@
-"""What a benchmark can measure, section by section."""
+"""The sections of a benchmark."""
 
 from __future__ import annotations
 
@@ -37,23 +37,23 @@ from sgbd.sources import FrameSource
 SCIKIT_IMAGE_SUPERPIXELS = "superpixels/slic_reference"
 
 WIDTHS = (320, 480, 640, 960, 1280)
-"""Of the frames on the curve of cost against pixels; they are as high as the given frames are in proportion."""
+"""Frame widths on the curve of cost against image size; the aspect ratio is that of the given frames."""
 NUMBERS = (32, 64, 128, 256, 512, 1024)
-"""Superpixels asked for on the curve of cost against n."""
+"""Numbers of superpixels requested on the curve of cost against n."""
 SHARES = (1, 2, 4, 8)
-"""Eighths of the frames on the curve of preparation."""
+"""Shares of the frames, in eighths, on the preparation curve."""
 
 
 @dataclass
 class Benchmark:
-    """Measures what is asked for and collects it in a report.
+    """Runs the sections of a benchmark and collects the results in a report.
 
     Attributes:
-        config: Keys of conf/benchmark.yaml.
-        frames: The frames, all of one size.
-        extent: How much is measured.
-        numbers: Superpixels asked for (n), one run of the section `frame` for each; the others take the first.
-        report: Where the results go.
+        config: Configuration with the keys of conf/benchmark.yaml.
+        frames: The frames, all of the same size.
+        extent: Numbers of repetitions, frames and graphs.
+        numbers: Numbers of superpixels to request (n). The section `frame` and `compare` use all, others the first.
+        report: The report to add results to.
     """
 
     config: DictConfig
@@ -72,12 +72,12 @@ class Benchmark:
 
     @property
     def size(self) -> str:
-        """Size of the frames, for titles."""
+        """Size of the frames as text, for titles."""
         height, width = self.frames[0].depth.shape
         return f"{width}x{height}"
 
     def frame(self) -> None:
-        """Time our way from a frame to its objects, stage by stage, for every n."""
+        """Time our pipeline from frame to objects, stage by stage, for each n."""
         rows = []
         for n in self.numbers:
             chosen = configured_segmenter(self.config, n)
@@ -92,7 +92,7 @@ class Benchmark:
         self.report.add("frame", f"Frame to segmentation, {self.size}; '-' marks parts, measured apart", rows)
 
     def reference(self) -> None:
-        """Time the published algorithm's stages, and scikit-image's two SLIC calls, in turns with ours."""
+        """Time the published algorithm and scikit-image's two SLIC calls, in turns with ours."""
         n, repeats = self.numbers[0], self.extent.reference_repeats
         stages = Stopwatch()
         reference = Reference.untrained(n)
@@ -103,7 +103,7 @@ class Benchmark:
         turns = {name: self._on_frames(make_method(name, self.config, n)) for name in (OURS, SCIKIT_IMAGE)}
         turns[REFERENCE] = by_reference
         watched = take_turns(turns, self._bar(repeats, f"reference, n={n}"))
-        # The first repetition warmed up.
+        # The first repetition was a warm-up.
         stages.seconds = {name: seconds[1:] for name, seconds in stages.seconds.items()}
         rows = [{"stage": name, **timing.row()} for name, timing in stages.timings().items()]
         rows.append({"stage": "sum of stages", **stages.sums(REFERENCE_STAGES).row()})
@@ -115,7 +115,7 @@ class Benchmark:
 
         Args:
             first: Name of a method; see `sgbd.benchmarking.methods.make_method`.
-            second: Name of the other.
+            second: Name of the other method.
         """
         if first == second:
             raise ConfigurationError(f"compare needs two different methods; got {first!r} twice")
@@ -126,8 +126,8 @@ class Benchmark:
             self._add_comparison(f"compare_n{n}", watched, first, f"In turns, {self.size}, n={n}")
 
     def memory(self) -> None:
-        """Watch the memory of fresh processes over many frames, of ours and of the reference."""
-        self._in_fresh_process(OURS, 1)  # it compiles, if need be, what the next one reads
+        """Measure the memory of fresh processes over many frames, for ours and for the reference."""
+        self._in_fresh_process(OURS, 1)  # fills the compilation cache if needed
         rows = []
         for method, count in ((OURS, self.extent.memory_frames), (REFERENCE, max(2, self.extent.reference_repeats))):
             found = self._in_fresh_process(method, count, numba_apart=method == OURS)
@@ -152,7 +152,7 @@ class Benchmark:
         self.report.add("memory", title, rows)
 
     def first_call(self) -> None:
-        """Time imports and first frame of fresh processes, with a cold and a warm cache of compiled code."""
+        """Time the imports and the first frame of fresh processes, with a cold and a warm compilation cache."""
         compiled = self._folder("compiled")
         rows = []
         kinds = ["cold", *["warm"] * self.extent.start_repeats]
@@ -175,14 +175,14 @@ class Benchmark:
         self.report.add("first_call", f"A fresh process, {self.size}, n={self.numbers[0]}", rows)
 
     def prepare(self) -> None:
-        """Time the preparation of image files, with our superpixels and with scikit-image's."""
+        """Time the preparation of image files, with our superpixels and with those of scikit-image."""
         n, progress = self.numbers[0], self.config.progress
         source = self._files(self.extent.prepare_frames)
         chosen = configured_segmenter(self.config, n)
         counts = sorted({0, int(self.config.workers)})
         rows, cache = measure_preparation(source, chosen, counts, self._folder("caches"), progress)
         self._cache = source, cache
-        # A few frames tell enough, and take as long as all of ours.
+        # Fewer frames are enough here: scikit-image takes as long for them as we take for all.
         few = self._files(max(1, self.extent.prepare_frames // 8))
         other = with_option(self.config, SCIKIT_IMAGE_SUPERPIXELS)
         chosen = configured_segmenter(other, n)
@@ -190,7 +190,7 @@ class Benchmark:
         self.report.add("prepare", f"PNG files to cached graphs, {self.size}, n={n}", rows)
 
     def curve(self) -> None:
-        """Time whole frames of growing size and with growing n, and the preparation of ever more frames."""
+        """Time whole frames with increasing size and n, and the preparation of increasing numbers of frames."""
         n = self.numbers[0]
         height, width = self.frames[0].depth.shape
         rows = []
@@ -281,7 +281,7 @@ class Benchmark:
         return write_dataset(self.frames, count, self._folder("files"))
 
     def _graphs(self) -> tuple[FrameSource, Path]:
-        """Return cached graphs: those of the section `prepare`, or made for the purpose."""
+        """Return cached graphs, from the section `prepare` or newly prepared."""
         if self._cache is None:
             source = self._files(self.extent.prepare_frames)
             chosen = configured_segmenter(self.config, self.numbers[0])
@@ -298,7 +298,7 @@ class Benchmark:
         return ProgressBar(range(repeats), title, unit="turn", leave=False, disable=not self.config.progress)
 
     def _folder(self, name: str) -> Path:
-        """Return an empty temporary folder, which goes when the benchmark ends."""
+        """Return an empty temporary folder, deleted at the end of the benchmark."""
         return Path(self._open.enter_context(tempfile.TemporaryDirectory(prefix=f"sgbd_benchmark_{name}_")))
 
 
@@ -316,14 +316,14 @@ SECTIONS: Mapping[str, Callable[[Benchmark], None]] = {
     "train": Benchmark.train,
     "evaluate": Benchmark.evaluate,
 }
-"""What `sections` may hold, in the order of the report."""
+"""Valid values of `sections`, in the order of the report."""
 
 
 def chosen_sections(names: Sequence[str]) -> list[str]:
-    """Return the sections of that name in the order of the report.
+    """Return the requested sections in the order of the report.
 
     Raises:
-        ConfigurationError: If one is unknown or none is asked for.
+        ConfigurationError: If a section is unknown or none is given.
     """
     unknown = [name for name in names if name not in SECTIONS]
     if unknown or not names:

@@ -1,4 +1,4 @@
-"""A frame to its objects stage by stage, with the time of each."""
+"""Time the stages from a frame to its objects."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from sgbd.segmentation import Segmentation, classify, paint, partition_graph
 from sgbd.segmenter import Segmenter
 
 STAGES = ("validation", "superpixels", "graph", "model", "partition", "painting")
-"""What a frame goes through, one after the other."""
+"""Processing stages of a frame, in order."""
 
 WHOLE = "whole frame"
 SUM = "sum of stages"
 
 AFTER_SUPERPIXELS = "after superpixels"
-"""The stages behind the superpixels together."""
+"""Sum of the stages after the superpixels."""
 
 SUPERPIXEL_PARTS = ("colours alone", "depth alone")
 GRAPH_PARTS = ("sums over pixels", "geometry", "node features", "edge features")
 
 
 def segment_in_stages(segmenter: Segmenter, raw: RawFrame, stopwatch: Stopwatch) -> Segmentation:
-    """Do what `Segmenter.segment` does, step by step.
+    """Segment a frame as `Segmenter.segment` does, timing each stage.
 
     Args:
         segmenter: The segmenter.
         raw: The frame.
-        stopwatch: Takes the time of each of `STAGES`.
+        stopwatch: Records the time of each of `STAGES`.
 
     Returns:
-        What the segmenter returns.
+        The segmentation.
     """
     with stopwatch.step("validation"):
         frame = Frame(raw.rgb, raw.depth, raw.intrinsics)  # type: ignore[arg-type]
@@ -58,12 +58,12 @@ def measure_stages(segmenter: Segmenter, frames: list[RawFrame], repeats: Iterab
 
     Args:
         segmenter: The segmenter.
-        frames: Frames, taken one after the other.
-        repeats: Numbers of the repetitions, or a progress bar around them.
+        frames: The frames to cycle through.
+        repeats: Repetition numbers, or a progress bar around them.
 
     Returns:
-        Times of `STAGES`, of the whole frame in one call (`WHOLE`), and, indented as "- part", of what can be measured
-        apart: superpixels of one modality, and the passes and formulas behind the graph.
+        Times of `STAGES`, of the whole frame in one call (`WHOLE`), and, named "- part", of parts that can be measured
+        separately: superpixels of one modality, and the steps of graph construction.
     """
     singles = one_modality(segmenter.superpixels)
     stopwatch, warm_up = Stopwatch(), Stopwatch()
@@ -85,7 +85,7 @@ def measure_stages(segmenter: Segmenter, frames: list[RawFrame], repeats: Iterab
         with stopwatch.step(f"- {GRAPH_PARTS[3]}"):
             edge_features(borders.pairs, borders, regions, geometry)
 
-    # Twice: the first compiles, the second fills the allocators' pools.
+    # Two warm-ups: the first compiles, the second fills the memory pools of the allocators.
     for _ in range(2):
         once(frames[0], warm_up)
     for number in repeats:
@@ -94,7 +94,7 @@ def measure_stages(segmenter: Segmenter, frames: list[RawFrame], repeats: Iterab
 
 
 def one_modality(superpixels: Any) -> dict[str, Any]:
-    """Return the same over-segmentation on colours alone and on depth alone, if it is one of both."""
+    """Return the same superpixels on colours only and on depth only; empty if they do not use both."""
     if not (getattr(superpixels, "rgb", False) is True and getattr(superpixels, "depth", False) is True):
         return {}
     colors, depth = copy.copy(superpixels), copy.copy(superpixels)
@@ -103,13 +103,13 @@ def one_modality(superpixels: Any) -> dict[str, Any]:
 
 
 def stage_rows(stopwatch: Stopwatch) -> list[dict[str, Any]]:
-    """Arrange the times of `measure_stages` for a report: stages with their parts below them, sums and the whole.
+    """Convert the times of `measure_stages` to table rows: stages followed by their parts, sums, whole frame.
 
     Args:
         stopwatch: The times.
 
     Returns:
-        A row for each, with `stage` and the columns of `Timing.row`.
+        Rows with `stage` and the columns of `Timing.row`.
     """
     timings = stopwatch.timings()
     parts = {"superpixels": SUPERPIXEL_PARTS, "graph": GRAPH_PARTS}

@@ -1,4 +1,4 @@
-"""Repeated timing: wall and processor time, median and spread, of steps in a row and of methods side by side."""
+"""Repeated timing of steps and of methods in turns: median and spread of wall and processor time."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Timing:
-    """How long something took, over several repetitions, milliseconds.
+    """Summary of the times of several repetitions, milliseconds.
 
     Attributes:
-        median: Wall time.
+        median: Median wall time.
         p10: 10th percentile of the wall time.
         p90: 90th percentile of the wall time.
-        cpu: Median of the processor time, summed over all threads of the process. On a busy machine it says more than
-            the wall time.
+        cpu: Median processor time, summed over all threads of the process; more reliable than wall time on a busy
+            machine.
         repeats: Number of repetitions.
     """
 
@@ -35,13 +35,13 @@ class Timing:
         """Summarise repetitions.
 
         Args:
-            seconds: Wall and processor time of each, seconds.
+            seconds: Wall and processor time of each repetition, seconds.
 
         Returns:
             The summary.
 
         Raises:
-            ValueError: If there is none.
+            ValueError: If there are no repetitions.
         """
         if not seconds:
             raise ValueError("nothing was measured: repeats must be at least 1")
@@ -61,14 +61,14 @@ class Timing:
 
 
 class Stopwatch:
-    """Collects the times of named steps over many repetitions, in the order in which the steps first come."""
+    """Collects the times of named steps over many repetitions, in order of first occurrence."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, list[tuple[float, float]]] = {}
 
     @contextmanager
     def step(self, name: str) -> Iterator[None]:
-        """Time what happens inside; a step that fails is not counted."""
+        """Time the code in the context; a failing step is not counted."""
         cpu, wall = time.process_time(), time.perf_counter()
         yield
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
@@ -79,22 +79,22 @@ class Stopwatch:
         return {name: Timing.of(seconds) for name, seconds in self.seconds.items()}
 
     def sums(self, names: Sequence[str]) -> Timing:
-        """Return the summary of the sum of steps that were each taken once a repetition."""
+        """Return the summary of the total time of several steps, each measured once per repetition."""
         steps = [self.seconds[name] for name in names]
         return Timing.of([tuple(np.sum(times, axis=0)) for times in zip(*steps, strict=True)])
 
 
 @dataclass(frozen=True)
 class Ratio:
-    """How many times as long as another method one took, judged repetition by repetition.
+    """Ratio of a method's time to that of a base method, computed per repetition.
 
-    Methods that take turns meet the same disturbances, so that their ratio is steadier than either of the times.
+    Methods that take turns suffer the same disturbances, so that their ratio varies less than their times.
 
     Attributes:
-        median: Median over the repetitions of the ratio of wall times.
-        p10: 10th percentile.
-        p90: 90th percentile.
-        cpu: Median of the ratio of processor times.
+        median: Median ratio of wall times over the repetitions.
+        p10: 10th percentile of the ratio of wall times.
+        p90: 90th percentile of the ratio of wall times.
+        cpu: Median ratio of processor times.
     """
 
     median: float
@@ -104,11 +104,11 @@ class Ratio:
 
     @classmethod
     def of(cls, seconds: Sequence[tuple[float, float]], base: Sequence[tuple[float, float]]) -> Ratio:
-        """Compare the repetitions of a method with those of a base, in pairs.
+        """Compare the repetitions of a method with those of a base, pair by pair.
 
         Args:
             seconds: Wall and processor time of each repetition, seconds.
-            base: The same of the base, as many.
+            base: The same for the base method, with the same number of repetitions.
 
         Returns:
             The ratio.
@@ -119,12 +119,12 @@ class Ratio:
 
 
 def take_turns(methods: Mapping[str, Callable[[int], Any]], repeats: Iterable[int], warm_up: int = 1) -> Stopwatch:
-    """Time methods in turns: one repetition of each, then the next, every other time in reverse order.
+    """Time methods in turns: one repetition of each, then the next, reversing the order every time.
 
     Args:
-        methods: What to call with the number of the repetition.
-        repeats: Numbers of the repetitions, for instance `range(20)`, or a progress bar around it.
-        warm_up: Calls of each beforehand that do not count: compilation, caches.
+        methods: Functions to time, called with the repetition number.
+        repeats: Repetition numbers, such as `range(20)`, or a progress bar around them.
+        warm_up: Number of uncounted calls of each method beforehand, for compilation and caches.
 
     Returns:
         The times by method.

@@ -1,4 +1,4 @@
-"""Speed of training on cached graphs."""
+"""Measure speed and memory of training on cached graphs."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ def measure_training(
     in_memory: bool,
     folder: Path,
 ) -> dict[str, Any]:
-    """Train on cached graphs, repeated until there are enough, without validation.
+    """Train on cached graphs, repeated as needed, without validation.
 
     Args:
         cache: Recipe folder of the graphs.
-        split: Their split.
-        checkpoint: Model, objectness head and recipe to start from; the weights change.
-        trainer: How to train.
-        sampler: What picks the pairs.
-        graphs: Graphs of an epoch.
-        in_memory: Keep the graphs in memory after their first reading.
-        folder: An empty folder for what training writes.
+        split: Split of the graphs.
+        checkpoint: Model, objectness head and recipe; the weights are modified.
+        trainer: The trainer.
+        sampler: Sampler of the training pairs.
+        graphs: Number of graphs per epoch.
+        in_memory: Whether to keep the graphs in memory after the first reading.
+        folder: An empty folder for training output.
 
     Returns:
-        The row of a report; memory is what the process holds, before and at most.
+        A table row; memory is that of the process before training and at its peak.
     """
     features = checkpoint.recipe["features"]
     repeated = repeat_graphs(cache, split, graphs, folder / "graphs")

@@ -1,1 +1,1 @@
-"""Output for people: names of scores, pictures, the files of an evaluation, and the page of a run or sweep."""
+"""Human-readable output: score names, figures, the files of an evaluation, and HTML reports of runs and sweeps."""

@@ -1,4 +1,4 @@
-"""Figures of a report, as SVG that takes on the page's colours."""
+"""Figures of a report, as SVG that adopts the page's colours."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from sgbd.reporting.runs import Run
 from sgbd.reporting.score_titles import score_title
 
 LEGEND_ENTRIES = 12
-"""With more lines a legend says less than it hides."""
+"""Maximum number of legend entries; with more lines the legend is omitted because it would hide too much."""
 
 
 def inline_svg(figure: Figure, number: int) -> str:
-    """Return a figure as an `<svg>` element for a page.
+    """Convert a figure to an inline `<svg>` element.
 
-    Black becomes the page's text colour and white its background, so that the figure is readable in a light and in a
-    dark page. Text stays text.
+    Black becomes the page's text colour and white its background, so that the figure is readable in light and dark
+    mode. Text remains text.
 
     Args:
         figure: The figure.
-        number: Of the figure in the page; keeps its ids apart from other figures'.
+        number: Number of the figure on the page, used to make its SVG ids unique.
 
     Returns:
-        The element, the same for the same figure every time.
+        The element; identical for identical figures.
     """
     figure.patch.set_visible(False)
     for axes in figure.axes:
@@ -51,14 +51,14 @@ def inline_svg(figure: Figure, number: int) -> str:
 
 
 def curve_comparison(runs: Mapping[str, Sequence[Run]], score: str = "val/overlap_f") -> Figure | None:
-    """Draw a validation score over the epochs, a line for each setting, averaged over its runs.
+    """Plot a validation score over epochs, one line per setting, averaged over its runs.
 
     Args:
-        runs: Runs of each setting, by its name.
+        runs: Runs by name of the setting.
         score: Column of the histories.
 
     Returns:
-        The figure; None if no history has the score.
+        The figure; None if no history contains the score.
     """
     lines = {}
     for name, group in runs.items():
@@ -81,13 +81,13 @@ def curve_comparison(runs: Mapping[str, Sequence[Run]], score: str = "val/overla
 
 
 def frame_distribution(run: Run) -> Figure | None:
-    """Draw how the frames' overlap F is spread, from the worst frame to the best, each curve in its own order.
+    """Plot the distribution of overlap F over frames, sorted from worst to best separately for each curve.
 
     Args:
         run: A run.
 
     Returns:
-        The figure; None if it has fewer than two frames with a score.
+        The figure; None if fewer than two frames have a score.
     """
     curves = {
         label: np.sort(run.frames[name].dropna().to_numpy())

@@ -1,4 +1,4 @@
-"""The gallery of a report: pictures of frames, inlined, with what they can be filtered by."""
+"""The gallery of a report: inlined pictures of frames, with the attributes for filtering and sorting."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MEASURES = {
     "boundary_f_measure": "boundary F",
     "oracle_overlap_f_measure": "oracle overlap F",
 }
-"""Columns of the frames that the gallery can be filtered and sorted by."""
+"""Columns of the frame scores that the gallery can be filtered and sorted by."""
 
 WHOLE_PICTURE = "overview"
 WHOLE_PICTURE_WIDTH = 1400
@@ -29,12 +29,12 @@ WHOLE_PICTURE_WIDTH = 1400
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture that is part of the page.
+    """An inlined picture.
 
     Attributes:
-        panel: Which panel it is.
-        title: What it shows, for people.
-        data: The file as a `data:` address.
+        panel: Name of the panel.
+        title: Displayed title.
+        data: The file as a `data:` URL.
         width: Pixels.
         height: Pixels.
     """
@@ -48,18 +48,18 @@ class Picture:
 
 @dataclass(frozen=True)
 class Card:
-    """A frame of the gallery.
+    """A frame in the gallery.
 
     Attributes:
-        identity: Its place in the page.
-        run: Label of its run.
+        identity: HTML id on the page.
+        run: Label of the run.
         dataset: Name of the dataset.
-        name: The frame's name.
-        scores: Scores in per cent by the names in `MEASURES`; those that are there.
-        seen: Whether it shows objects of seen categories; None if that is not known.
-        unseen: Whether it shows objects of unseen categories.
-        categories: Categories of its objects.
-        pictures: Its pictures.
+        name: Name of the frame.
+        scores: Available scores in per cent, by the keys of `MEASURES`.
+        seen: Whether the frame shows objects of seen categories; None if unknown.
+        unseen: Whether the frame shows objects of unseen categories; None if unknown.
+        categories: Categories of the objects.
+        pictures: Pictures of the frame.
     """
 
     identity: str
@@ -75,41 +75,41 @@ class Card:
 
 @dataclass(frozen=True)
 class Gallery:
-    """The frames that a page shows.
+    """The frames shown on a page.
 
     Attributes:
         cards: The frames.
-        available: How many the runs have pictures of.
+        available: Number of frames that the runs have pictures of.
     """
 
     cards: Sequence[Card]
     available: int
     places: dict[tuple[str, str], str] = field(default_factory=dict)
-    """Place in the page by run and frame."""
+    """HTML id by run and frame."""
 
 
 def collect(runs: Sequence[Run], megabytes: float) -> Gallery:
     """Choose the frames to show and inline their pictures.
 
-    Runs that have only whole pictures (made before there were galleries) show these.
+    Runs without a gallery (from older versions) show their overview pictures.
 
     Args:
         runs: The runs.
-        megabytes: Most that all pictures together may take. Where the runs have more, every run shows fewer frames,
-            evenly spread from the worst to the best.
+        megabytes: Maximum total size of all pictures. If the runs have more, each run shows fewer frames, evenly spread
+            from worst to best.
 
     Returns:
         The gallery.
 
     Raises:
-        ConfigurationError: If a picture of an index is missing or damaged.
+        ConfigurationError: If a picture listed in an index is missing or damaged.
     """
     found = {run.label: _frames(run) for run in runs}
     sizes = {
         label: [sum(path.stat().st_size for _, path in files) for _, files in rows] for label, rows in found.items()
     }
     most = max((len(rows) for rows in found.values()), default=0)
-    # Base64 makes four characters of three bytes.
+    # Base64 encodes three bytes as four characters.
     budget = megabytes * 1e6 * 3 / 4
     while (
         most > 0 and sum(sizes[label][place] for label in found for place in _spread(len(found[label]), most)) > budget
@@ -125,12 +125,12 @@ def collect(runs: Sequence[Run], megabytes: float) -> Gallery:
 
 
 def _spread(count: int, most: int) -> list[int]:
-    """Return at most `most` of `count` places, evenly spread, the first and the last included."""
+    """Return at most `most` of `count` indices, evenly spread, including the first and the last."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)).tolist() if count and most else []
 
 
 def _frames(run: Run) -> list[tuple[GalleryFrame, list[tuple[str, Path]]]]:
-    """Return the frames that a run has pictures of, and the file of each picture."""
+    """Return the frames that a run has pictures of, each with its picture files."""
     folder = run.folder / GALLERY_FOLDER
     indexed = read_index(folder)
     if indexed:

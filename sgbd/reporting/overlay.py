@@ -1,4 +1,4 @@
-"""Instances painted over a picture."""
+"""Paint instances over an image."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ IGNORE_COLOR = (0.15, 0.15, 0.15)
 
 
 def instance_colors(count: int) -> npt.NDArray[np.float64]:
-    """Return colours that are easy to tell apart, the same for the same number every time.
+    """Return easily distinguishable colours; the sequence is always the same.
 
     Args:
-        count: How many.
+        count: Number of colours.
 
     Returns:
         float64 [count, 3], RGB from 0 to 1.
     """
     number = np.arange(count)
-    # Steps of the golden ratio around the colour circle never come close to an earlier hue for long.
+    # Golden-ratio steps around the colour circle spread the hues evenly for any count.
     hue = (0.07 + number * GOLDEN_RATIO) % 1
     saturation = np.array([0.85, 0.6, 0.95])[number % 3]
     value = np.array([0.95, 0.8, 0.65, 0.9])[number % 4]
@@ -34,14 +34,14 @@ def instance_colors(count: int) -> npt.NDArray[np.float64]:
 def overlay(
     rgb: npt.NDArray[np.uint8], instances: npt.NDArray[np.int32], first: int = 1, opacity: float = 0.55
 ) -> npt.NDArray[np.uint8]:
-    """Paint instances over a picture, with white outlines.
+    """Paint instances over an image, with white outlines.
 
     Args:
         rgb: uint8 [H, W, 3].
-        instances: int32 [H, W]. Ids from `first` on are painted; in truths (`first` = 2) the supporting surface is
-            painted grey and ignored pixels dark.
-        first: The smallest id of an object.
-        opacity: 0 shows only the picture, 1 only the colours.
+        instances: int32 [H, W]. Ids from `first` on are painted. With ground truth (`first` = 2), the supporting
+            surface is painted grey and ignored pixels dark.
+        first: Smallest object id.
+        opacity: From 0 (only the image) to 1 (only the colours).
 
     Returns:
         uint8 [H, W, 3].

@@ -1,4 +1,4 @@
-"""The page itself: results put into the template."""
+"""Render results to an HTML page with the report template."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from sgbd.reporting.tables import (
 )
 
 HEADLINES = ("hm/overlap_f", "all/overlap_f", "all/boundary_f", "unaided/overlap_f", "oracle/overlap_f")
-"""Scores at the top of the page of a single run."""
+"""Scores shown at the top of a report on a single run."""
 
 
 @dataclass(frozen=True)
@@ -42,26 +42,26 @@ class _Figure:
 
 
 class _Figures:
-    """Puts figures into the page, each with ids of its own."""
+    """Converts figures to SVG for the page, each with unique ids."""
 
     def __init__(self) -> None:
         self._numbers = count()
 
     def __call__(self, drawn: Any, caption: str) -> list[_Figure]:
-        """Return a drawn figure for the page; nothing for None."""
+        """Return a list with the converted figure; an empty list for None."""
         return [] if drawn is None else [_Figure(Markup(inline_svg(drawn, next(self._numbers))), caption)]
 
 
 def render(results: Results, *, frame_rows: int, megabytes: float) -> str:
-    """Make the page.
+    """Render the report page.
 
     Args:
-        results: What it is about.
-        frame_rows: Most rows of all tables of frames together.
-        megabytes: Most that the pictures of the gallery may take.
+        results: The results to report.
+        frame_rows: Maximum total number of rows in the frame tables.
+        megabytes: Maximum total size of the gallery pictures.
 
     Returns:
-        HTML that needs nothing else: no network and no other file.
+        Self-contained HTML that needs no network and no other file.
 
     Raises:
         ConfigurationError: If a picture is damaged.
@@ -95,7 +95,7 @@ def render(results: Results, *, frame_rows: int, megabytes: float) -> str:
 
 
 def _run_section(run: Run, place: str, gallery: Gallery, frame_rows: int, figures: _Figures) -> dict[str, Any]:
-    """Return what the template shows of a run."""
+    """Return the template values of a run."""
     tables = []
     if run.scores:
         tables.append(protocol_table(run))
@@ -118,7 +118,7 @@ def _run_section(run: Run, place: str, gallery: Gallery, frame_rows: int, figure
 
 
 def _sweep_section(sweep: Sweep, places: Mapping[str, str], figures: _Figures) -> dict[str, Any]:
-    """Return what the template shows of a sweep."""
+    """Return the template values of a sweep."""
     return {
         "label": sweep.label,
         "tables": _sweep_tables(sweep, places),
@@ -130,7 +130,7 @@ def _sweep_section(sweep: Sweep, places: Mapping[str, str], figures: _Figures) -
 
 
 def settings(sweep: Sweep) -> dict[str, list[Run]]:
-    """Return the runs of a sweep by what is varied, without the seed."""
+    """Group the runs of a sweep by their varied options, ignoring the seed."""
     varied = summarize(sweep.jobs).attrs["overrides"]
     groups: dict[str, list[Run]] = {}
     for row in sweep.jobs.to_dict("records"):
@@ -170,7 +170,7 @@ def _facts(run: Run) -> list[tuple[str, str]]:
 
 
 def _environment() -> Environment:
-    # Names come from files and folders of anybody: everything is escaped, unless it was made here as markup.
+    # Names come from arbitrary files and folders, so everything is escaped except our own markup.
     return Environment(
         loader=PackageLoader("sgbd.reporting"),
         autoescape=select_autoescape(enabled_extensions=("j2",)),

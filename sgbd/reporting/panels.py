@@ -1,4 +1,4 @@
-"""The pictures that a report's gallery shows of a frame, each a file of its own beside an index."""
+"""Write and read the gallery of an evaluation: one picture file per panel of a frame, and an index."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ from sgbd.segmentation import Segmentation
 GALLERY_FOLDER = "gallery"
 INDEX_FILE = "index.json"
 PANELS = ("frame", "superpixels", "edges", "prediction", "truth")
-"""Names of the panels, in the order in which a frame becomes a segmentation."""
+"""Names of the panels, in the order of the processing steps."""
 
 SUFFIX = ".webp"
 QUALITY = 80
 LARGEST_WIDTH = 800
-"""Wider pictures are made smaller: a page with dozens of them has to go through the post."""
+"""Maximum width in pixels; wider pictures are shrunk to keep reports with dozens of them small enough for e-mail."""
 
 
 @dataclass(frozen=True)
 class GalleryFrame:
-    """What the gallery knows of a frame.
+    """The gallery's entry for a frame.
 
     Attributes:
-        name: The frame's name.
-        panels: File of each panel that there is, below the gallery's folder.
-        categories: Category of each of the frame's objects, sorted; empty if they are not known.
-        seen: How many of the objects are of seen categories; None without a division into seen and unseen.
-        unseen: How many are of unseen categories.
-        nodes: What the panel `superpixels` shows: superpixels, or segments of a first stage.
+        name: Name of the frame.
+        panels: File of each existing panel, relative to the gallery folder.
+        categories: Category of each object, sorted; empty if unknown.
+        seen: Number of objects of seen categories; None without a division into seen and unseen.
+        unseen: Number of objects of unseen categories; None without such a division.
+        nodes: Content of the panel `superpixels`: superpixels, or segments of a first stage.
     """
 
     name: str
@@ -54,14 +54,14 @@ class GalleryFrame:
 
 
 def frame_panels(frame: Frame, segmentation: Segmentation) -> dict[str, npt.NDArray[np.uint8]]:
-    """Draw what a gallery shows of a frame.
+    """Draw the gallery panels of a frame.
 
     Args:
         frame: The frame.
         segmentation: Its segmentation.
 
     Returns:
-        uint8 [H, W, 3] of each of `PANELS`; without `truth` if the frame has none.
+        uint8 [H, W, 3] for each of `PANELS`; without `truth` if the frame has no ground truth.
     """
     panels = {
         "frame": frame.rgb,
@@ -89,17 +89,17 @@ def _edges(frame: Frame, segmentation: Segmentation) -> npt.NDArray[np.uint8]:
 def write_panels(
     frame: Frame, segmentation: Segmentation, seen: frozenset[str], folder: Path, stem: str
 ) -> GalleryFrame:
-    """Write the panels of a frame as WebP files into a folder `stem` of the gallery.
+    """Write the panels of a frame as WebP files to a subfolder of the gallery.
 
     Args:
         frame: The frame.
         segmentation: Its segmentation.
-        seen: The dataset's seen categories; empty if it does not tell them from unseen ones.
-        folder: The gallery's folder.
-        stem: Name of the frame's own folder in it.
+        seen: The dataset's seen categories; empty without a division into seen and unseen.
+        folder: The gallery folder.
+        stem: Name of the frame's subfolder.
 
     Returns:
-        What the gallery's index has to hold.
+        The frame's entry for the gallery index.
     """
     files = {}
     for panel, picture in frame_panels(frame, segmentation).items():
@@ -119,7 +119,7 @@ def write_panels(
 
 
 def encoded(picture: Image.Image, largest_width: int = LARGEST_WIDTH) -> bytes:
-    """Return a picture as a WebP file, made smaller if it is wider than `largest_width` pixels."""
+    """Encode a picture as WebP, shrinking it if it is wider than `largest_width` pixels."""
     if picture.width > largest_width:
         height = max(1, round(picture.height * largest_width / picture.width))
         picture = picture.resize((largest_width, height), Image.Resampling.LANCZOS)
@@ -132,8 +132,8 @@ def write_index(frames: Sequence[GalleryFrame], folder: Path) -> None:
     """Write the index of a gallery.
 
     Args:
-        frames: Its frames, in the order in which they are to be shown.
-        folder: The gallery's folder.
+        frames: The frames, in display order.
+        folder: The gallery folder.
     """
     rows = [
         {
@@ -153,10 +153,10 @@ def read_index(folder: Path) -> list[GalleryFrame]:
     """Read the index of a gallery.
 
     Args:
-        folder: The gallery's folder.
+        folder: The gallery folder.
 
     Returns:
-        Its frames; none if there is no index.
+        The frames; empty if there is no index.
 
     Raises:
         ConfigurationError: If the index is damaged.

@@ -1,4 +1,4 @@
-"""Pictures of frames, superpixels, classified edges, segmentations and training curves."""
+"""Draw frames, superpixels, classified edges, segmentations and training curves."""
 
 from __future__ import annotations
 
@@ -24,15 +24,16 @@ from sgbd.segmentation import Segmentation
 
 
 def segmentation_figure(frame: Frame, segmentation: Segmentation, title: str = "") -> Figure:
-    """Draw a frame and everything the program made of it.
+    """Draw a frame with its superpixels, edges, predicted instances and ground truth.
 
     Args:
-        frame: The frame; its truth is drawn if it has any.
+        frame: The frame; its ground truth is drawn if present.
         segmentation: Its segmentation.
-        title: Written above.
+        title: Title of the figure.
 
     Returns:
-        A figure of six panels: colours, depth, superpixels, edges coloured by merge probability, prediction, truth.
+        A figure of six panels: colours, depth, superpixels, edges coloured by merge probability, prediction, ground
+        truth.
     """
     figure = Figure(figsize=(13.5, 8.2 * frame.height / frame.width + 1), layout="constrained")
     FigureCanvasAgg(figure)
@@ -61,7 +62,7 @@ def segmentation_figure(frame: Frame, segmentation: Segmentation, title: str = "
 
 
 def with_boundaries(rgb: npt.NDArray[np.uint8], label_map: npt.NDArray[np.int32]) -> npt.NDArray[np.uint8]:
-    """Draw the borders of superpixels over a picture.
+    """Draw superpixel boundaries over an image.
 
     Args:
         rgb: uint8 [H, W, 3].
@@ -76,13 +77,13 @@ def with_boundaries(rgb: npt.NDArray[np.uint8], label_map: npt.NDArray[np.int32]
 
 
 def draw_edges(panel: Axes, frame: Frame, segmentation: Segmentation, width: float = 1.3) -> None:
-    """Draw the edges between the centres of superpixels, from red (cut) over yellow to green (merge).
+    """Draw the edges between superpixel centres, from red (cut) through yellow to green (merge).
 
     Args:
-        panel: Where to.
-        frame: The frame, drawn darkened below the edges.
+        panel: Axes to draw on.
+        frame: The frame, drawn darkened behind the edges.
         segmentation: Its segmentation.
-        width: Of the lines, points.
+        width: Line width, points.
     """
     flat = segmentation.superpixels.ravel()
     rows, columns = np.divmod(np.arange(flat.size), frame.width)
@@ -97,7 +98,7 @@ def draw_edges(panel: Axes, frame: Frame, segmentation: Segmentation, width: flo
 
 
 def frames_figure(rows: Sequence[tuple[str, Frame, Segmentation]]) -> Figure:
-    """Draw a grid of frames: colours, superpixels, edges coloured by merge probability, prediction, truth.
+    """Draw one row per frame: colours, superpixels, edges coloured by merge probability, prediction, ground truth.
 
     Args:
         rows: Title, frame and segmentation of each row.
@@ -120,11 +121,11 @@ def frames_figure(rows: Sequence[tuple[str, Frame, Segmentation]]) -> Figure:
 
 
 def methods_figure(rows: Sequence[tuple[str, Frame]], predictions: Mapping[str, Sequence[npt.NDArray]]) -> Figure:
-    """Draw the predictions of several methods side by side, between the frames and their truth.
+    """Draw the predictions of several methods side by side, between the frame and its ground truth.
 
     Args:
         rows: Title and frame of each row.
-        predictions: For each method the label maps of all rows, int32 [H, W], 0 = not an object.
+        predictions: Label maps of all rows by method, int32 [H, W], 0 = no object.
 
     Returns:
         The figure.
@@ -141,12 +142,12 @@ def methods_figure(rows: Sequence[tuple[str, Frame]], predictions: Mapping[str, 
 
 
 def worst_frame_figure(frame: Frame, prediction: npt.NDArray[np.int32], failures: Failures) -> Figure:
-    """Draw a frame, what was predicted, and the truth with the kind of each failure written on it.
+    """Draw a frame, its prediction, and the ground truth annotated with the kind of each failure.
 
     Args:
-        frame: The frame, with truth.
-        prediction: int32 [H, W], 0 = not an object.
-        failures: What went wrong in it.
+        frame: The frame, with ground truth.
+        prediction: int32 [H, W], 0 = no object.
+        failures: The failures in the frame.
 
     Returns:
         The figure.
@@ -168,7 +169,7 @@ def worst_frame_figure(frame: Frame, prediction: npt.NDArray[np.int32], failures
 
 
 def _grid(frame: Frame, rows: int, columns: int, width: float = 3.0) -> tuple[Figure, npt.NDArray]:
-    """Make panels without axes for pictures of a frame's shape and of so many inches."""
+    """Create a grid of panels without axes, with the aspect ratio of a frame and `width` inches wide each."""
     height = width * frame.height / frame.width + 0.25
     figure = Figure(figsize=(width * columns, height * rows), layout="constrained")
     FigureCanvasAgg(figure)
@@ -185,17 +186,17 @@ def _draw_truth(panel: Axes, frame: Frame) -> None:
 
 
 def _renumbered(label_map: npt.NDArray) -> npt.NDArray[np.int32]:
-    """Number objects from 1 without gaps, so that their colours differ; 0 stays."""
+    """Renumber objects from 1 without gaps, so that their colours differ; 0 stays 0."""
     _, index = np.unique(np.append(label_map.ravel(), 0), return_inverse=True)
     return index[:-1].reshape(label_map.shape).astype(np.int32)
 
 
 def curves_figure(curves: Mapping[str, Sequence[tuple[float, float]]], title: str = "") -> Figure:
-    """Draw training curves, losses in one panel and scores in another.
+    """Plot training curves, losses in the left panel and scores in the right one.
 
     Args:
-        curves: Points (epoch, value) of each curve; curves with "loss" in their name share the first panel.
-        title: Written above.
+        curves: Points (epoch, value) by curve name; curves with "loss" in their name go to the left panel.
+        title: Title of the figure.
 
     Returns:
         The figure.
@@ -219,11 +220,11 @@ def curves_figure(curves: Mapping[str, Sequence[tuple[float, float]]], title: st
 
 
 def history_figure(history: pd.DataFrame, title: str = "") -> Figure:
-    """Draw the main training curves.
+    """Plot the main training curves.
 
     Args:
-        history: A row each epoch, as `sgbd.training.Trainer` writes it to `history.csv`.
-        title: Written above.
+        history: One row per epoch, as written by `sgbd.training.Trainer` to `history.csv`.
+        title: Title of the figure.
 
     Returns:
         The figure.

@@ -1,4 +1,4 @@
-"""The reliability diagram: how often scores are right, beside what they say."""
+"""Draw reliability diagrams: the share of correct objects as a function of their score."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from sgbd.calibration import expected_calibration_error
 
 
 def reliability_figure(scores: npt.NDArray[np.floating], right: npt.NDArray[np.bool_], bins: int = 10) -> Figure:
-    """Draw the share of right objects over their score, and how many objects have which score.
+    """Draw the share of correct objects over their score, with a histogram of the scores.
 
     A. Niculescu-Mizil, R. Caruana, "Predicting good probabilities with supervised learning", ICML 2005.
 
     Args:
-        scores: float [K], 0 to 1.
-        right: bool [K].
+        scores: float [K], score of each object, 0 to 1.
+        right: bool [K], whether the object is correct.
         bins: Number of bins of equal width.
 
     Returns:
-        A figure of two panels; perfect scores lie on the diagonal.
+        A figure of two panels; perfectly calibrated scores lie on the diagonal.
     """
     place = np.minimum((np.asarray(scores, dtype=np.float64) * bins).astype(np.int64), bins - 1)
     count = np.bincount(place, minlength=bins)
     filled = count > 0
     said = np.bincount(place, scores, bins)[filled] / count[filled]
     share = np.bincount(place, right, bins)[filled] / count[filled]
-    # One standard deviation of the share in a sample of that size.
+    # Standard error of a share (binomial distribution).
     error = np.sqrt(share * (1 - share) / count[filled])
     figure = Figure(figsize=(5, 6), layout="constrained")
     FigureCanvasAgg(figure)

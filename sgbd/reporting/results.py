@@ -1,4 +1,4 @@
-"""The files that an evaluation leaves for people: tables of scores, and pictures of good, middling and bad frames."""
+"""Write the results of an evaluation: tables of scores, and pictures of good, average and bad frames."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ PICTURE_DPI = 90
 
 
 def write_evaluation(evaluation: Evaluation, folder: Path) -> None:
-    """Write `scores.json`, `scores.md`, `frames.csv`, with categories `categories.csv`, with objects `reliability.png`.
+    """Write `scores.json`, `scores.md` and `frames.csv`, and, if available, `categories.csv` and `reliability.png`.
 
     Args:
         evaluation: The scores.
-        folder: Where to; made if needed.
+        folder: Output folder; created if needed.
     """
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(folder / "scores.json", json.dumps(evaluation.scores, indent=2).encode())
@@ -42,7 +42,7 @@ def write_evaluation(evaluation: Evaluation, folder: Path) -> None:
 
 
 def markdown(evaluation: Evaluation) -> str:
-    """Return the scores in per cent as a Markdown table, a row for each protocol."""
+    """Return the scores in per cent as a Markdown table with one row per protocol."""
     table = score_table(evaluation.scores)
     cells = table.map(lambda value: "–" if np.isnan(value) else f"{value:.1f}")
     cells.columns = [score_title(str(name)) for name in table]
@@ -50,14 +50,14 @@ def markdown(evaluation: Evaluation) -> str:
 
 
 def example_frames(evaluation: Evaluation, count: int) -> list[str]:
-    """Choose frames that show the whole range of quality, evenly spread from the worst to the best.
+    """Choose example frames, evenly spread from the worst to the best.
 
     Args:
         evaluation: The scores.
-        count: How many.
+        count: Maximum number of frames.
 
     Returns:
-        Names of at most `count` frames, the worst first.
+        Names of at most `count` frames, worst first.
     """
     ranked = evaluation.frames["overlap_f_measure"].sort_values(kind="stable").index
     places = np.unique(np.linspace(0, len(ranked) - 1, min(count, len(ranked))).round().astype(int))
@@ -67,17 +67,19 @@ def example_frames(evaluation: Evaluation, count: int) -> list[str]:
 def draw_examples(
     names: Sequence[str], evaluation: Evaluation, source: FrameSource, segmenter: Segmenter, folder: Path
 ) -> list[Path]:
-    """Draw frames with their superpixels, edges, prediction and truth into `pictures/`, and one by one into `gallery/`.
+    """Draw frames with superpixels, edges, prediction and ground truth.
+
+    Overviews with all panels go to `pictures/`, single panels to `gallery/`.
 
     Args:
-        names: Frames of the evaluation.
-        evaluation: The scores, written above each picture.
+        names: Names of the frames.
+        evaluation: The scores, shown above each picture.
         source: The frames.
-        segmenter: What segments them.
+        segmenter: The segmenter.
         folder: Folder of the evaluation.
 
     Returns:
-        The files.
+        The overview files.
     """
     index = {name: place for place, name in enumerate(source.names)}
     pictures, shown = [], []
@@ -101,7 +103,7 @@ def draw_examples(
 
 
 def write_figure(figure: Figure, path: Path) -> Path:
-    """Write a figure as PNG, whole or not at all; its folder is made if needed."""
+    """Write a figure as PNG, atomically; its folder is created if needed."""
     picture = io.BytesIO()
     figure.savefig(picture, format="png", dpi=PICTURE_DPI)
     write_whole(path, picture.getvalue())

@@ -1,4 +1,4 @@
-"""What trainings, evaluations and sweeps left in their folders, read for a report."""
+"""Read the results of trainings, evaluations and sweeps from their folders."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from sgbd.jobs.sweep import RECORDS_FOLDER, read_jobs
 SCORES_FILE = "scores.json"
 HISTORY_FILE = "history.csv"
 SWEEP_COLUMNS = ("seen/overlap_f", "unseen/overlap_f", "hm/overlap_f", "all/overlap_f", "unaided/overlap_f")
-"""Scores of a sweep whose own choice is not known."""
+"""Scores shown for a sweep that does not configure its own."""
 
 
 @dataclass(frozen=True)
@@ -27,14 +27,14 @@ class Run:
     """One training or evaluation.
 
     Attributes:
-        label: Its name in the report, unique there.
-        folder: Where it lies.
+        label: Unique name in the report.
+        folder: Folder of the run.
         scores: As in `sgbd.evaluation.Evaluation`; empty if nothing was scored.
-        frames: A row each frame, indexed by name; may be empty.
-        categories: A row each category, indexed by name; may be empty.
-        history: A row each epoch; empty for an evaluation.
-        config: The configuration that it was started with, unresolved; empty if it was not kept.
-        outcome: What `result.json` says beside the scores: parameters, best epoch, seconds.
+        frames: One row per frame, indexed by name; may be empty.
+        categories: One row per category, indexed by name; may be empty.
+        history: One row per epoch; empty for an evaluation.
+        config: Configuration of the run, unresolved; empty if it was not saved.
+        outcome: Content of `result.json` except the scores: parameters, best epoch, seconds.
     """
 
     label: str
@@ -48,12 +48,12 @@ class Run:
 
     @property
     def dataset(self) -> str:
-        """Name of the dataset that was scored, for people; `unknown` if the configuration was not kept."""
+        """Display name of the scored dataset; `unknown` if the configuration was not saved."""
         return dataset_name(self.config.get("dataset"))
 
     @property
     def split(self) -> str:
-        """Name of the split that was scored."""
+        """Name of the scored split."""
         return str(self.config.get("split", "test"))
 
 
@@ -62,12 +62,12 @@ class Sweep:
     """A sweep of trainings.
 
     Attributes:
-        label: Its name in the report.
-        folder: Where it lies.
-        jobs: A row each job, as `sgbd.jobs.sweep.read_jobs` returns it.
-        columns: Patterns of the scores that its tables show.
-        plot: Scores that are drawn.
-        runs: The jobs that left results, by the number of the job.
+        label: Name in the report.
+        folder: Folder of the sweep.
+        jobs: One row per job, as returned by `sgbd.jobs.sweep.read_jobs`.
+        columns: Patterns of the scores shown in tables.
+        plot: Patterns of the scores that are plotted.
+        runs: Runs of the jobs with results, by job number.
     """
 
     label: str
@@ -80,11 +80,11 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Results:
-    """Everything that a report is about.
+    """All results of a report.
 
     Attributes:
         title: Name of the folder.
-        runs: All runs, those of sweeps included.
+        runs: All runs, including those of sweeps.
         sweeps: The sweeps.
     """
 
@@ -94,14 +94,14 @@ class Results:
 
 
 def dataset_name(dataset: Any) -> str:
-    """Return what to call a dataset in a report.
+    """Return the display name of a dataset.
 
     Args:
         dataset: Its configuration.
 
     Returns:
-        Its name if it has one, as those that the program makes; else that of its folder, else that of its reader's
-        class; "unknown" if there is no configuration.
+        Its `name` if configured (as for synthetic datasets), otherwise the name of its folder, otherwise that of its
+        reader class; "unknown" without a configuration.
     """
     if not isinstance(dataset, Mapping | DictConfig):
         return "unknown"
@@ -110,17 +110,17 @@ def dataset_name(dataset: Any) -> str:
 
 
 def read_results(folder: Path) -> Results:
-    """Find the runs and sweeps in a folder, however deep, and read them.
+    """Find the runs and sweeps in a folder, recursively, and read them.
 
     Args:
-        folder: Of one run, of a sweep, or a folder with such folders in it. Results that were moved aside
-            (`earlier-<n>`) are left out.
+        folder: Folder of a run or a sweep, or a folder that contains such folders. Results that were moved aside
+            (`earlier-<n>`) are skipped.
 
     Returns:
-        What was found.
+        The results.
 
     Raises:
-        ConfigurationError: If there is no such folder, no result in it, or a file of a result is damaged.
+        ConfigurationError: If the folder does not exist or contains no results, or a result file is damaged.
     """
     if not folder.is_dir():
         what = "is a file" if folder.exists() else "does not exist"
@@ -166,11 +166,11 @@ def read_run(folder: Path, label: str) -> Run:
     """Read a run.
 
     Args:
-        folder: Its folder.
-        label: Its name in the report.
+        folder: Folder of the run.
+        label: Name in the report.
 
     Returns:
-        The run; what it did not leave is empty.
+        The run; missing results are empty.
 
     Raises:
         ConfigurationError: If a file is damaged.
@@ -210,7 +210,7 @@ def _read_sweep(folder: Path, label: str, prefix: str) -> Sweep:
 
 def _read_table(path: Path, index: str | None = None) -> pd.DataFrame:
     try:
-        # Names are text, also where a frame is called 7 or nan.
+        # Keep names as text, even if a frame is called "7" or "nan".
         table = pd.read_csv(path, dtype={index: str} if index else None, keep_default_na=False, na_values=[""])
         return table if index is None else table.set_index(index)
     except FileNotFoundError:

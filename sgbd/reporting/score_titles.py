@@ -1,4 +1,4 @@
-"""Names of scores for people: `hm/overlap_f` of files and configurations is "HM overlap F" in tables and figures."""
+"""Display names of scores: `hm/overlap_f` in files and configurations is "HM overlap F" in tables and figures."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ TITLES = {
     "boundary_f_measure": "boundary F",
     "hm": "HM",
 }
-"""Names of protocols and scores that are not their own key with spaces."""
+"""Display names that differ from the key with spaces for underscores."""
 
 
 def score_title(name: str) -> str:
-    """Return the name of a score for people.
+    """Return the display name of a score.
 
     Args:
-        name: A score, alone or behind its protocol, such as `f75` or `hm/overlap_f`.
+        name: Key of a score, with or without its protocol, such as `hm/overlap_f` or `f75`.
 
     Returns:
-        The name, such as "F@.75" or "HM overlap F".
+        The display name, such as "HM overlap F" or "F@.75".
     """
     return " ".join(TITLES.get(part, part.replace("_", " ")) for part in name.split("/"))

@@ -1,4 +1,4 @@
-"""Tables of a report: what is shown, and what it is sorted by."""
+"""Build the tables of a report: displayed text and sort keys."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class Cell:
     """A cell of a table.
 
     Attributes:
-        text: What is shown.
-        value: What it is sorted by: a number (NaN last), or a text.
-        link: Place in the page that it leads to.
+        text: Displayed text.
+        value: Value to sort by: a number (NaN comes last) or a text.
+        link: HTML id on the page that the cell links to.
         bar: Length of a bar behind the number, 0 to 100; None for no bar.
-        best: Whether it is the best of its column.
+        best: Whether it is the best value of its column.
     """
 
     text: str
@@ -48,7 +48,7 @@ class Cell:
 
     @property
     def key(self) -> str:
-        """Return what the page sorts by; empty if there is no number."""
+        """Sort key for the page; empty for NaN."""
         if isinstance(self.value, str):
             return self.value
         return "" if math.isnan(self.value) else repr(float(self.value))
@@ -59,10 +59,10 @@ class Table:
     """A table of a report.
 
     Attributes:
-        caption: What it shows.
-        columns: Titles; each with whether the column holds numbers.
+        caption: Caption.
+        columns: Title of each column, and whether it is numeric.
         rows: Cells of each row.
-        note: A sentence below it.
+        note: A sentence shown below the table.
     """
 
     caption: str
@@ -72,23 +72,23 @@ class Table:
 
 
 def text(value: object, link: str | None = None) -> Cell:
-    """Return a cell of text."""
+    """Return a text cell."""
     return Cell(str(value), str(value), link)
 
 
 def number(value: float, digits: int = 0) -> Cell:
-    """Return a cell of a number; a dash if there is none."""
+    """Return a number cell; a dash for NaN."""
     return Cell(GAP if math.isnan(value) else f"{value:.{digits}f}", float(value))
 
 
 def score(share: float, deviation: float = math.nan, best: bool = False, digits: int = 1) -> Cell:
-    """Return a cell of a score in per cent, with its standard deviation if there is one.
+    """Return a cell with a score in per cent and, optionally, its standard deviation.
 
     Args:
-        share: 0 to 1; NaN for no score.
-        deviation: Standard deviation over seeds, in the same unit.
-        best: Whether it is the best of its column.
-        digits: Digits after the point.
+        share: Score, 0 to 1; NaN for no score.
+        deviation: Standard deviation over seeds, in the same unit; NaN for none.
+        best: Whether it is the best value of its column.
+        digits: Number of decimal places.
     """
     value = PER_CENT * share
     if math.isnan(value):
@@ -100,7 +100,7 @@ def score(share: float, deviation: float = math.nan, best: bool = False, digits:
 
 
 def protocol_table(run: Run) -> Table:
-    """Return a run's scores, a row for each protocol."""
+    """Return the scores of a run, one row per protocol."""
     scores = score_table(dict(run.scores))
     rows = [
         [text(score_title(str(name))), *(score(value / PER_CENT) for value in row)]
@@ -110,11 +110,11 @@ def protocol_table(run: Run) -> Table:
 
 
 def overview_table(runs: Sequence[Run], links: Mapping[str, str]) -> Table:
-    """Return the main scores of several runs, a row each.
+    """Return the main scores of several runs, one row per run.
 
     Args:
         runs: The runs.
-        links: Place in the page of each run, by its label.
+        links: HTML id of each run on the page, by label.
     """
     names = [name for name in OVERVIEW if any(name in run.scores for run in runs)]
     best = {name: _best([run.scores.get(name, math.nan) for run in runs]) for name in names}
@@ -133,7 +133,7 @@ def overview_table(runs: Sequence[Run], links: Mapping[str, str]) -> Table:
 
 
 def sweep_table(sweep: Sweep) -> Table:
-    """Return a sweep's scores averaged over seeds, a row for each combination of what is varied."""
+    """Return the scores of a sweep averaged over seeds, one row per combination of varied options."""
     summary = summarize(sweep.jobs)
     overrides, scores = summary.attrs["overrides"], _chosen(sweep)
     best = {name: _best(summary[name].tolist()) for name in scores}
@@ -154,11 +154,11 @@ def sweep_table(sweep: Sweep) -> Table:
 
 
 def jobs_table(sweep: Sweep, links: Mapping[str, str]) -> Table:
-    """Return every job of a sweep, finished or not.
+    """Return all jobs of a sweep, finished or not.
 
     Args:
         sweep: The sweep.
-        links: Place in the page of each run, by its label.
+        links: HTML id of each run on the page, by label.
     """
     overrides = summarize(sweep.jobs).attrs["overrides"]
     scores = _chosen(sweep)
@@ -175,7 +175,7 @@ def jobs_table(sweep: Sweep, links: Mapping[str, str]) -> Table:
 
 
 def category_table(run: Run) -> Table:
-    """Return a run's scores by category."""
+    """Return the scores of a run by category."""
     columns = [name for name in run.categories.columns if name in TITLES]
     has_groups = "seen" in run.categories
     rows = []
@@ -187,13 +187,13 @@ def category_table(run: Run) -> Table:
 
 
 def category_comparison(runs: Mapping[str, Sequence[Run]]) -> Table | None:
-    """Return overlap F by category, a column for each setting, averaged over its runs.
+    """Return overlap F by category, one column per setting, averaged over its runs.
 
     Args:
-        runs: Runs of each setting, by its name.
+        runs: Runs by name of the setting.
 
     Returns:
-        The table; None unless two settings have scores by category.
+        The table; None unless at least two settings have scores by category.
     """
     columns = {}
     for name, group in runs.items():
@@ -217,12 +217,12 @@ def category_comparison(runs: Mapping[str, Sequence[Run]]) -> Table | None:
 
 
 def frame_table(run: Run, limit: int, link: Callable[[str], str | None]) -> Table:
-    """Return a run's scores by frame, the worst first.
+    """Return the scores of a run by frame, worst first.
 
     Args:
         run: The run.
-        limit: Most rows; the worst are kept.
-        link: Place in the page of a frame's pictures, None if there are none.
+        limit: Maximum number of rows; the worst frames are kept.
+        link: Returns the HTML id of a frame's pictures, or None if there are none.
     """
     columns = [name for name in FRAME_COLUMNS if name in run.frames and run.frames[name].notna().any()]
     ranked = run.frames.sort_values(columns[0], kind="stable") if columns else run.frames
@@ -246,7 +246,7 @@ def _chosen(sweep: Sweep) -> list[str]:
 
 
 def _setting(value: object) -> Cell:
-    """Return a cell of a swept value, sorted as a number where it is one."""
+    """Return a cell with the value of a varied option, sorted as a number if possible."""
     shown = GAP if value is None or value != value else str(value)
     try:
         return Cell(shown, float(shown))
