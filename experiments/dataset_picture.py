@@ -2,7 +2,7 @@
 
     python experiments/dataset_picture.py dataset=tabletop split=test count=4 output=experiments/pictures/dataset.png
 
-The datasets are those of conf/dataset; a synthetic one must have been generated (python -m sgbd.prepare).
+`dataset` is an option of conf/dataset; synthetic datasets must be generated first (python -m sgbd.prepare).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def main() -> None:
     bottom = np.concatenate(
         [overlay(frame.rgb, frame.instances, first=2) for frame in frames if frame.instances is not None], axis=1
     )
-    # Half the size: the picture is for a page.
+    # Halve the resolution for display on a page.
     picture = np.concatenate([top, bottom], axis=0)[::2, ::2]
     output = Path(given.get("output", "experiments/pictures/dataset.png"))
     output.parent.mkdir(parents=True, exist_ok=True)

@@ -1,11 +1,11 @@
-"""Write the frames of a dataset as plain images, for other systems to segment.
+"""Write the frames of a dataset as image files, for segmentation by other systems.
 
     python experiments/export_frames.py dataset=tabletop split=test output=frames_of_tabletop [data_dir=data]
 
-It writes NAME_rgb.png and NAME_depth.png (uint16, millimetres, 0 = missing), with `_` for every `/` in a name, and
-prints the camera. What the other system makes of them, one label image NAME.png a frame with 0 for no object, is scored
-with python -m sgbd.evaluate predictions=<folder>, or beside others with python -m sgbd.compare predictions='{its name:
-<folder>}'.
+It writes NAME_rgb.png and NAME_depth.png (uint16, millimetres, 0 = missing), replacing each `/` in a name by `_`, and
+prints the camera. The other system must write one label image NAME.png per frame, with 0 for no object. Score its
+results with python -m sgbd.evaluate predictions=<folder>, or next to other methods with python -m sgbd.compare
+predictions='{its name: <folder>}'.
 """
 
 from __future__ import annotations

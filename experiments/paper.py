@@ -1,4 +1,4 @@
-"""Numbers of the paper that the sweeps stand beside: harmonic mean of seen and unseen overlap F on TOD-Z, per cent.
+"""Numbers of the paper for comparison: scores on TOD-Z in per cent, and costs.
 
 Source: E. P. Örnek et al., "SupeRGB-D", IEEE RA-L 8(6), 2023, arXiv:2212.11922.
 """
@@ -17,7 +17,7 @@ PAPER_HM_OVERLAP_F: dict[str, dict[str, float]] = {
 }
 
 NOT_AT_HAND = "The paper's own numbers of this study are not at hand."
-"""What the pages of the studies of generalization say instead of a column of the paper's."""
+"""Note on the pages of the generalization studies, in place of a column with the paper's numbers."""
 
 PAPER_SCORES: dict[str, dict[str, float]] = {
     "SupeRGB-D on TOD-Z (paper)": {
@@ -27,9 +27,9 @@ PAPER_SCORES: dict[str, dict[str, float]] = {
         "HM boundary F": 66.75,
     },
 }
-"""Rows of the table of systems: the paper's method on the paper's test frames, trained on 7118 frames."""
+"""Rows of the comparison table: the paper's method on the paper's test frames, trained on 7118 frames."""
 
 PAPER_COST: dict[str, dict[str, float]] = {
     "SupeRGB-D (paper)": {"parameters": 103682, "kilobytes": 400, "frame_ms": 1440},
 }
-"""The paper's costs; its time was measured on a 12-thread Intel i7-8700."""
+"""Costs given in the paper; time measured on a 12-thread Intel i7-8700."""

@@ -1,12 +1,12 @@
-"""Turn a finished sweep into a page of this folder, beside the paper's numbers.
+"""Write a page in this folder about a finished sweep, next to the paper's numbers.
 
     python experiments/publish.py outputs/sweeps/ablate_features [--note "Trained on …"]
     python experiments/publish.py <earlier>/sweeps/ablate_features outputs/sweeps/ablate_features
     python experiments/publish.py outputs/feature_importance
 
-It reads the sweep's records and writes experiments/<name>.md, <name>.csv and <name>.png; nothing is computed anew. Rows
-that could not be run stand in the table as such. What stands below the line `<!-- remarks -->` of a page that is there
-already is kept. Of several folders of one experiment, rows of later ones join or replace those of earlier ones.
+It reads the records of the sweep and writes experiments/<name>.md, <name>.csv and <name>.png; nothing is recomputed.
+Rows that could not be run are marked as such. If the page exists, its text below the line `<!-- remarks -->` is kept.
+With several folders of one experiment, rows of later folders are added to or replace those of earlier ones.
 """
 
 from __future__ import annotations
@@ -43,16 +43,16 @@ DRAWN = ("seen/overlap_f", "unseen/overlap_f", "hm/overlap_f", "all/overlap_f", 
 
 
 def joined_jobs(folders: Sequence[Path]) -> pd.DataFrame:
-    """Return the jobs of a sweep, or of several of one experiment.
+    """Return the jobs of one or several sweeps of the same experiment.
 
     Args:
-        folders: Their folders; a row in a later one takes the place of that with the same overrides in an earlier one.
+        folders: Folders of the sweeps; rows of later ones replace rows of earlier ones with the same overrides.
 
     Returns:
-        What `sgbd.jobs.sweep.read_jobs` gives, and the path of each job in the column `path`.
+        The table of `sgbd.jobs.sweep.read_jobs` with the path of each job in an additional column `path`.
 
     Raises:
-        SystemExit: If a sweep has not come to its end, or varied something else than the others.
+        SystemExit: If a sweep is unfinished, or the sweeps vary different options.
     """
     tables = []
     for folder in folders:
@@ -82,12 +82,12 @@ def joined_jobs(folders: Sequence[Path]) -> pd.DataFrame:
 
 
 def with_equal_categories(jobs: pd.DataFrame, groups: bool) -> list[str]:
-    """Add what can be compared between jobs that saw different categories: means over the same ones.
+    """Add scores that are comparable between jobs with different seen categories: means over the same categories.
 
     Args:
-        jobs: As in `joined_jobs`; gains the scores `every category/overlap_f` and, where there is such a category,
-            `never seen/overlap_f`.
-        groups: Whether to add the mean over each of TOD-Z's four groups, as `<group>/overlap_f`.
+        jobs: Table of `joined_jobs`; the columns `every category/overlap_f` and, if there are categories that no job
+            saw, `never seen/overlap_f` are added.
+        groups: Whether to also add the mean over each of TOD-Z's four groups, as `<group>/overlap_f`.
 
     Returns:
         The categories that no job saw.
@@ -103,13 +103,13 @@ def with_equal_categories(jobs: pd.DataFrame, groups: bool) -> list[str]:
 
 
 def page(name: str, jobs: pd.DataFrame, note: str, options: str = "") -> str:
-    """Return the page of a sweep.
+    """Return the page of a sweep as Markdown.
 
     Args:
-        name: Of the experiment.
-        jobs: As in `joined_jobs`.
+        name: Name of the experiment.
+        jobs: Table of `joined_jobs`.
         note: A sentence on the circumstances.
-        options: What the command had beside the experiment and the seeds.
+        options: Options of the command besides the experiment and the seeds.
     """
     if name.startswith("generalization"):
         never = with_equal_categories(jobs, groups=name == "generalization_groups")
@@ -161,7 +161,7 @@ def page(name: str, jobs: pd.DataFrame, note: str, options: str = "") -> str:
 
 
 def _training_frames(jobs: pd.DataFrame) -> str:
-    """Say how many frames the jobs were trained on."""
+    """Return the number of training frames of the jobs as text."""
     numbers = []
     for job in jobs["path"]:
         dataset = OmegaConf.load(Path(job) / "config.yaml").dataset
@@ -171,7 +171,7 @@ def _training_frames(jobs: pd.DataFrame) -> str:
 
 
 def importance_page(folder: Path) -> str:
-    """Return the page of the feature importance."""
+    """Return the page about feature importance as Markdown."""
     return "\n\n".join(
         [
             "# feature_importance",
@@ -183,7 +183,7 @@ def importance_page(folder: Path) -> str:
 
 
 def main() -> None:
-    """Write the page, the table and the figure of a sweep, or of the feature importance."""
+    """Write the page, the table and the figure of a sweep or of the feature importance."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sweeps", type=Path, nargs="+", help="folder of the sweep, or of several, the newest last")
     parser.add_argument("--note", default="", help="a sentence on the circumstances")

@@ -1,14 +1,13 @@
-"""Turn the tables of python -m sgbd.compare into a page of this folder, beside the paper's numbers.
+"""Write a page in this folder with the tables of python -m sgbd.compare, next to the paper's numbers.
 
     python experiments/publish_comparison.py outputs/comparison/<time> --command "python -m sgbd.compare …" [--note "…"]
     python experiments/publish_comparison.py outputs/comparison/<earlier> outputs/comparison/<later> --command "…"
 
-The page is called as the experiment: experiments/comparison.md, computational.md, real.md or qualitative.md, with the
-CSV files and pictures that belong to it. Nothing is computed anew. What stands below the line `<!-- remarks -->` of a
-page that is there already is kept.
+The page is named after the experiment: experiments/comparison.md, computational.md, real.md or qualitative.md, with its
+CSV files and pictures. Nothing is recomputed. If the page exists, its text below the line `<!-- remarks -->` is kept.
 
-Of several folders, a method's row in a later one takes the place of that in an earlier one: a new model need not wait
-for the baselines. They must be of the same frames.
+With several folders, the row of a method in a later folder replaces that in an earlier one, so that a new model can be
+added without repeating the baselines. All folders must be about the same frames.
 """
 
 from __future__ import annotations
@@ -29,18 +28,18 @@ from sgbd.reporting.runs import dataset_name
 
 HERE = Path(__file__).resolve().parent
 ON_TOD_Z = ("comparison",)
-"""Experiments whose table has the paper's scores."""
+"""Experiments whose table includes the paper's scores."""
 
 
 def joined(folders: Sequence[Path], name: str) -> pd.DataFrame | None:
-    """Return a table of several comparisons, a row a method.
+    """Join a table of several comparisons, one row per method.
 
     Args:
-        folders: Their folders; rows of later ones take the place of earlier ones'.
-        name: The table's file name.
+        folders: Folders of the comparisons; rows of later ones replace those of earlier ones.
+        name: File name of the table.
 
     Returns:
-        The table, in the order in which methods first appear; None if no folder has it.
+        The table, with methods in order of first appearance; None if no folder has the table.
     """
     tables = [pd.read_csv(folder / name, index_col="method") for folder in folders if (folder / name).is_file()]
     if not tables:
@@ -51,11 +50,11 @@ def joined(folders: Sequence[Path], name: str) -> pd.DataFrame | None:
 
 
 def scores(rows: pd.DataFrame, name: str) -> str:
-    """Return the table of scores, with the paper's rows where the experiment has them.
+    """Return the table of scores as Markdown, with the paper's rows if the experiment has them.
 
     Args:
         rows: Table `comparison.csv`.
-        name: Of the experiment.
+        name: Name of the experiment.
     """
     shown = {score: title for score, title in SHOWN.items() if score in rows}
     table = (100 * rows[list(shown)]).rename(columns=shown)
@@ -74,7 +73,7 @@ def _of(table: pd.DataFrame, paper: dict[str, dict[str, float]]) -> list[str]:
 
 
 def costs(folder: Path) -> str:
-    """Return the table of costs with the paper's row, and what it was measured on.
+    """Return the table of costs as Markdown, with the paper's row and a description of the machine.
 
     Args:
         folder: Folder of the comparison.
@@ -95,7 +94,7 @@ def costs(folder: Path) -> str:
 
 
 def failures(table: pd.DataFrame) -> str:
-    """Return the counts of failures by kind.
+    """Return the table of failures by kind as Markdown.
 
     Args:
         table: Table `failures.csv`.
@@ -104,13 +103,13 @@ def failures(table: pd.DataFrame) -> str:
 
 
 def same_frames(folders: Sequence[Path]) -> DictConfig:
-    """Return the configuration of the last of several comparisons, all of the same frames.
+    """Check that all comparisons use the same frames, and return the configuration of the last one.
 
     Args:
-        folders: Their folders.
+        folders: Folders of the comparisons.
 
     Raises:
-        SystemExit: If they are of different frames.
+        SystemExit: If they use different frames.
     """
     configs = [OmegaConf.load(folder / "config.yaml") for folder in folders]
     for folder, config in zip(folders, configs, strict=True):
@@ -121,12 +120,12 @@ def same_frames(folders: Sequence[Path]) -> DictConfig:
 
 
 def page(folders: Sequence[Path], name: str, command: str, note: str) -> str:
-    """Return the page of a comparison.
+    """Return the page of a comparison as Markdown.
 
     Args:
-        folders: Its folder, or several, the newest last.
-        name: Of the experiment.
-        command: What made it.
+        folders: Folders of the comparison, newest last.
+        name: Name of the page.
+        command: Command that produced the comparison.
         note: A sentence on the circumstances.
     """
     config = same_frames(folders)

@@ -1,9 +1,8 @@
-"""Put a trained checkpoint into the package, as the model that `Segmenter.pretrained()` loads.
+"""Add a trained checkpoint to the package, as the model that `Segmenter.pretrained()` loads.
 
     python experiments/publish_model.py outputs/second_stage/<time>/checkpoint.safetensors
 
-What belongs to the machine it was trained on (where the folder of the frames lies) and to the training's own
-bookkeeping (scores of epochs, which the tables in this folder have) is left out; weights and recipe stay as they are.
+Folder paths of the training machine and validation scores of the training are removed; weights and recipe are kept.
 """
 
 from __future__ import annotations
@@ -17,11 +16,11 @@ from sgbd.agglomeration import AgglomeratedGraph
 from sgbd.checkpoint import PRETRAINED_FILE, Checkpoint
 
 LIMIT = 400_000
-"""Bytes."""
+"""Maximum size of the packaged model, bytes."""
 
 
 def published(checkpoint: Checkpoint) -> Checkpoint:
-    """Return a checkpoint without what belongs to one machine or one training run.
+    """Return a checkpoint without folder paths of the training machine and without training scores.
 
     Args:
         checkpoint: The model, of one or two stages.
@@ -32,13 +31,13 @@ def published(checkpoint: Checkpoint) -> Checkpoint:
     if checkpoint.first_stage is None:
         return replace(checkpoint, recipe=recipe)
     first_stage = published(checkpoint.first_stage)
-    # The recipe names its first stage by the digest of its content.
+    # The recipe identifies its first stage by a digest of its content.
     recipe["graph"] = {**recipe["graph"], "first_stage": AgglomeratedGraph(first_stage).first_stage}
     return replace(checkpoint, recipe=recipe, first_stage=first_stage)
 
 
 def _without_folders(values: dict[str, Any]) -> dict[str, Any]:
-    """Return values with the last part only of absolute paths."""
+    """Return values with absolute paths shortened to their last component."""
     return {
         key: _without_folders(value)
         if isinstance(value, dict)

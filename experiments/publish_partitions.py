@@ -1,11 +1,11 @@
-"""Turn evaluations of the same checkpoints with several partitions into the page experiments/ablate_partition.md.
+"""Write experiments/ablate_partition.md from evaluations of the same checkpoints with several partitioners.
 
     python -m sgbd.evaluate -m partition=components,multicut,… \\
         "checkpoint='outputs/sweeps/ablate_models/model=mlp/seed=0','…/seed=1',…"
     python experiments/publish_partitions.py outputs/evaluate/<time> --command "…" [--note "…"]
 
-Checkpoints whose folders differ in their last component (the seed) only are one row. Nothing is computed anew, and what
-stands below the line `<!-- remarks -->` of a page that is there already is kept.
+Checkpoints whose folders differ only in the last component (the seed) form one row. Nothing is recomputed. If the page
+exists, its text below the line `<!-- remarks -->` is kept.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ NAME = "ablate_partition"
 
 
 def option_of(partition: Any) -> str:
-    """Return the name of the option in conf/partition that a partitioner's configuration is.
+    """Return the name of the option in conf/partition that equals a partitioner's configuration.
 
     Args:
         partition: The configuration.
 
     Raises:
-        SystemExit: If it is none of them.
+        SystemExit: If there is no such option.
     """
     for path in sorted((HERE.parent / "conf/partition").glob("*.yaml")):
         if OmegaConf.load(path) == partition:
@@ -47,7 +47,7 @@ def read(folders: Sequence[Path]) -> pd.DataFrame:
         folders: Folders of multiruns of `python -m sgbd.evaluate`.
 
     Returns:
-        A row each evaluation: `trained` (the checkpoint's folder but for the seed), `seed`, `partition` and all scores.
+        One row per evaluation: `trained` (folder of the checkpoint without the seed), `seed`, `partition`, all scores.
     """
     rows = []
     jobs = [job for folder in folders for job in sorted(folder.glob("[0-9]*"), key=lambda job: int(job.name))]
@@ -67,11 +67,11 @@ def read(folders: Sequence[Path]) -> pd.DataFrame:
 
 
 def page(evaluations: pd.DataFrame, command: str, note: str) -> str:
-    """Return the page.
+    """Return the page as Markdown.
 
     Args:
-        evaluations: As in `read`.
-        command: What made them.
+        evaluations: Table returned by `read`.
+        command: Command that produced the evaluations.
         note: A sentence on the circumstances.
     """
     groups = evaluations.groupby(["trained", "partition"], sort=False)

@@ -1,12 +1,12 @@
-"""Hold the fast way from a frame to its graph against the published one: the same weights on superpixels of both.
+"""Compare the compiled SLIC with the published superpixels: score the same weights on the superpixels of both.
 
     python experiments/quality_guard.py checkpoint=FILE dataset=tabletop
     python experiments/quality_guard.py checkpoint=FILE dataset=mosd dataset.root=FOLDER
 
-`checkpoint` is a model trained on the compiled SLIC (`superpixels=slic_fast`). Its frames are over-segmented by it and
-by scikit-image's SLIC, with the same settings; graph, features, weights and partition are the same. Whatever else is
-given is an override of conf/evaluate.yaml. The program ends with status 1 if the fast way is worse than the published
-one by more than `tolerance` points (0.3).
+`checkpoint` is a model trained with the compiled SLIC (`superpixels=slic_fast`). The frames are over-segmented by the
+compiled SLIC and by that of scikit-image, with the same settings; graph, features, weights and partition are the same.
+All other arguments are overrides of conf/evaluate.yaml. The exit status is 1 if the compiled SLIC scores worse than
+scikit-image's by more than `tolerance` points (default 0.3).
 """
 
 from __future__ import annotations
@@ -43,21 +43,21 @@ GUARDED = ("overlap F", "boundary F", "unaided overlap F", "unaided boundary F")
 
 
 def with_superpixels(checkpoint: Checkpoint, option: Any) -> Checkpoint:
-    """Return a checkpoint that over-segments frames in another way.
+    """Return the checkpoint with different superpixels.
 
     Args:
         checkpoint: The trained model.
-        option: Configuration of the superpixels; what both ways have is set as the model was trained.
+        option: Configuration of the superpixels; options that the model's superpixels also have keep their values.
     """
     recipe = copy.deepcopy(checkpoint.recipe)
     kept = {key: value for key, value in recipe["superpixels"].items() if key in option and key != "_target_"}
-    # As a recipe writes it, whatever name the configuration has for the class.
+    # `describe` normalises the class name to the form used in recipes.
     recipe["superpixels"] = describe(instantiate({**option, **kept}))
     return Checkpoint(checkpoint.model, checkpoint.objectness, recipe, checkpoint.first_stage)
 
 
 def evaluated(config: DictConfig, checkpoint: Checkpoint) -> dict[str, float]:
-    """Prepare the frames and score the model on them; scores in per cent."""
+    """Prepare the frames and return the scores of the model on them, in per cent."""
     segmenter = Segmenter(checkpoint)
     source = frame_source_of_split(config.dataset, count_workers(config.workers), config.split)
     dataset = checkpoint_graphs(config, checkpoint, segmenter, source)
@@ -68,7 +68,7 @@ def evaluated(config: DictConfig, checkpoint: Checkpoint) -> dict[str, float]:
 
 
 def main() -> None:
-    """Print the table and judge."""
+    """Print the table and exit with status 1 if scores are worse than the tolerance allows."""
     arguments = dict(argument.split("=", 1) for argument in sys.argv[1:])
     tolerance = float(arguments.pop("tolerance", 0.3))
     with initialize_config_dir(str(config_folder()), version_base="1.3"):

@@ -1,4 +1,4 @@
-"""What people write about the numbers of a page, below a line of its own: it outlives the next run of the scripts."""
+"""Preserve hand-written remarks at the end of a page when the page is generated again."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ LINE = "<!-- remarks -->"
 
 
 def with_remarks(text: str, page: Path) -> str:
-    """Return a page's new text with the remarks of the old one below it.
+    """Return the new text of a page, followed by the remarks of the existing page.
 
     Args:
-        text: The new text, which ends in a line break.
-        page: The file that it is for, which need not exist yet.
+        text: The new text, ending with a line break.
+        page: File of the page; it need not exist.
     """
     _, _, remarks = page.read_text().partition(LINE) if page.is_file() else ("", "", "")
     return "\n\n".join(part for part in (text.rstrip("\n"), LINE, remarks.strip()) if part) + "\n"

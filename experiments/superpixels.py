@@ -1,11 +1,11 @@
-"""Compare over-segmentations: how many superpixels, at what cost, and how good the best partition of them would be.
+"""Compare superpixel methods: number of superpixels, cost, and the quality of the best partition they allow.
 
     python experiments/superpixels.py dataset=mosd dataset.root=FOLDER [frames=20] \
         methods='{fast: "superpixels=slic_fast superpixels.n_segments=512", planes: superpixels=plane_slic}'
 
-`methods` gives overrides of the configuration by name; whatever else is given is an override for all of them. The first
-method is the one that costs are told against: all take turns on every frame, in one thread, and the cost is the median
-over the frames of the ratio of processor time. Scores are means over frames, per cent.
+`methods` maps names to overrides of the configuration; all other arguments are overrides for all methods. All methods
+take turns on every frame, in one thread. The cost is the processor time relative to the first method, as the median
+over frames. Scores are means over frames, in per cent.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ def scores(superpixels: Superpixels, frame: Frame) -> dict[str, float]:
 
     Args:
         superpixels: The method.
-        frame: A frame with truth.
+        frame: A frame with ground truth.
 
     Returns:
-        A row of the table; `seconds` are of the processor.
+        A row of the table; `seconds` is processor time.
     """
     assert frame.instances is not None
     start = time.process_time()
@@ -77,13 +77,13 @@ def scores(superpixels: Superpixels, frame: Frame) -> dict[str, float]:
 
 
 def composed(overrides: list[str]) -> Any:
-    """Compose the configuration of the preparation with overrides."""
+    """Compose the configuration of sgbd.prepare with overrides."""
     with initialize_config_dir(str(config_folder()), version_base="1.3"):
         return compose("prepare", overrides)
 
 
 def in_one_thread(overrides: list[str]) -> Superpixels:
-    """Make the configured superpixels, to work in one thread if they have a choice."""
+    """Create the configured superpixels, limited to one thread if they are multi-threaded."""
     superpixels: Superpixels = instantiate(composed(overrides).superpixels)
     if hasattr(superpixels, "threads"):
         superpixels.threads = 1
