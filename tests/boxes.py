@@ -1,4 +1,4 @@
-"""A dataset of tiny frames on disk, one .npz each, and the simplest over-segmentation: a grid."""
+"""A dataset of tiny frames on disk, one .npz file each, and grids as the simplest superpixels."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Grid:
 
 
 class SlowGrid(Grid):
-    """A grid that takes its time (seconds a frame, from the environment), so that a test can interrupt it."""
+    """A grid that waits SLOW_GRID_SECONDS (environment variable) per frame, so that a test can interrupt it."""
 
     def __call__(self, frame: Frame) -> npt.NDArray[np.int32]:
         time.sleep(float(os.environ.get("SLOW_GRID_SECONDS", "0.01")))

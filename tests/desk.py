@@ -1,4 +1,4 @@
-"""A frame as a camera would see it: three boxes on a table before a wall, ray cast, for models that are trained."""
+"""A ray-cast frame that resembles a camera's: three boxes on a table in front of a wall, to test trained models."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ BOXES = (
     ((-0.04, 0.0, 0.78), (0.10, 0.10, 0.92), (60, 140, 70)),
     ((0.18, 0.0, 0.68), (0.28, 0.20, 0.78), (60, 80, 180)),
 )
-"""Corners in metres (x to the right, y up from the table, z away from the camera's foot) and colour of each."""
+"""Two opposite corners of each box in metres (x right, y up from the table, z away from the camera), and colour."""
 
 
 def desk() -> Frame:
-    """480 x 640 pixels, instances 0 the wall, 1 the table, 2 to 4 the boxes; noise as of a sensor, always the same."""
+    """Return a frame of 480 x 640 pixels: 0 wall, 1 table, 2 to 4 boxes; with reproducible sensor-like noise."""
     rng = np.random.default_rng(0)
     rows, columns = np.mgrid[:480, :640]
     right, down = (columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy
     slope = np.radians(35)
-    # One unit along a ray is one metre of depth.
+    # Rays are scaled so that the ray parameter is the depth in metres.
     rays = np.stack([right, -down * np.cos(slope) - np.sin(slope), np.cos(slope) - down * np.sin(slope)], axis=-1)
     eye = np.array([0.0, 0.6, 0.0])
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,4 +1,4 @@
-"""The features in NumPy expressions, a column at a time: what the compiled loops are held against."""
+"""The features in plain NumPy, column by column: the oracle for the compiled loops."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from sgbd.regions import (
 
 
 def covariances(regions: Regions) -> npt.NDArray[np.float64]:
-    """Covariance of the points of every superpixel, [N, 3, 3]; of those without depth 0."""
+    """Return the covariance of the points of each superpixel, [N, 3, 3]; 0 for superpixels without depth."""
     points = np.maximum(regions.valid, 1)[:, None]
     mean = regions.sums[:, XYZ : XYZ + 3] / points
     moments = regions.sums[:, XYZ_SQUARED : XYZ_SQUARED + 6] / points
@@ -38,7 +38,7 @@ def covariances(regions: Regions) -> npt.NDArray[np.float64]:
 
 
 def node_features(frame: Frame, regions: Regions, geometry: Geometry) -> npt.NDArray[np.float32]:
-    """As `sgbd.features.node_features`."""
+    """Compute the same as `sgbd.features.node_features`."""
     pixels = regions.pixels
     color = regions.sums[:, RGB : RGB + 3] / pixels[:, None]
     color_variance = regions.sums[:, RGB_SQUARED : RGB_SQUARED + 3] / pixels[:, None] - color**2
@@ -63,7 +63,7 @@ def node_features(frame: Frame, regions: Regions, geometry: Geometry) -> npt.NDA
 
 
 def _normals_at(frame: Frame, row: npt.NDArray[np.float64], column: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Unit normals from central differences of the depth at single pixels; slope 0 where depth is missing."""
+    """Return unit normals from central differences of the depth at single pixels; slope 0 if depth is missing."""
     r, c = np.rint(row).astype(int), np.rint(column).astype(int)
     z = frame.depth[r, c].astype(np.float64)
 
@@ -86,7 +86,7 @@ def _normals_at(frame: Frame, row: npt.NDArray[np.float64], column: npt.NDArray[
 def edge_features(
     pairs: Pairs, borders: Borders, regions: Regions, geometry: Geometry
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """As `sgbd.features.edge_features`."""
+    """Compute the same as `sgbd.features.edge_features`."""
     i, j = pairs
     sums = sums_of_pairs(pairs, borders)
     length, known = sums[:, PAIRS], sums[:, VALID_PAIRS]

@@ -1,4 +1,4 @@
-"""Small hand-made graphs in the form that `sgbd.graph.build_graph` gives, for tests of what learns from them."""
+"""Small hand-made graphs in the format of `sgbd.graph.build_graph`, for tests of models and training."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from torch_geometric.data import Data
 
 
 def path_graph(labels: list[float], node_channels: int = 3, edge_channels: int = 2, seed: int = 0) -> Data:
-    """Superpixels in a row, each adjacent to the next; `labels[k]` belongs to the pair (k, k + 1)."""
+    """Return a chain of superpixels, each adjacent to the next; `labels[k]` belongs to the pair (k, k + 1)."""
     count = len(labels)
     start = torch.arange(count)
     return graph_of_pairs(torch.stack([start, start + 1]), labels, count + 1, node_channels, edge_channels, seed)
@@ -16,7 +16,7 @@ def path_graph(labels: list[float], node_channels: int = 3, edge_channels: int =
 def graph_of_pairs(
     pairs: torch.Tensor, labels: list[float], nodes: int, node_channels: int = 3, edge_channels: int = 2, seed: int = 0
 ) -> Data:
-    """A graph with random features; the edge features of the two directions differ."""
+    """Return a graph with random features; the edge features of the two directions differ."""
     generator = torch.Generator().manual_seed(seed)
     return Data(
         x=torch.randn(nodes, node_channels, generator=generator),
@@ -35,7 +35,7 @@ def graph_of_pairs(
 def grid_graph(
     height: int, width: int, node_channels: int = 3, edge_channels: int = 2, seed: int = 0, groups: int = 4
 ) -> Data:
-    """A grid of superpixels in `groups` random instances whose features give the instance away, with noise."""
+    """Return a grid of superpixels in `groups` vertical instances, with noisy features that identify the instance."""
     generator = torch.Generator().manual_seed(seed)
     node = torch.arange(height * width).view(height, width)
     pairs = torch.cat(

@@ -1,4 +1,4 @@
-"""Hypothesis strategies for label maps and frames, and slow obvious oracles for what the tests ask of them."""
+"""Hypothesis strategies for label maps and frames, and a slow, obvious check of label maps."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from sgbd.superpixels.connect import connected_regions
 
 
 def shapes(largest: int = 12) -> st.SearchStrategy[tuple[int, ...]]:
-    """Heights and widths from 1 pixel on."""
+    """Draw height and width, from 1 pixel to `largest`."""
     return hnp.array_shapes(min_dims=2, max_dims=2, min_side=1, max_side=largest)
 
 
 @st.composite
 def label_maps(draw: st.DrawFn, largest: int = 12) -> npt.NDArray[np.int32]:
-    """Maps of 4-connected regions with ids 0..N-1."""
+    """Draw maps of 4-connected regions with ids 0..N-1."""
     raw = draw(hnp.arrays(np.int32, shapes(largest), elements=st.integers(0, 3)))
     return connected_regions(raw)
 
 
 @st.composite
 def frames(draw: st.DrawFn, shape: tuple[int, ...], with_instances: bool = False) -> Frame:
-    """Frames of one size with random colours, depth with holes, and perhaps instances."""
+    """Draw frames of the given shape with random colours, depth with holes and, optionally, instances."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     depth = rng.uniform(0.3, 4.0, shape).astype(np.float32)
     depth[rng.random(shape) < draw(st.sampled_from([0.0, 0.3, 0.9]))] = 0
@@ -41,7 +41,7 @@ def frames(draw: st.DrawFn, shape: tuple[int, ...], with_instances: bool = False
 
 
 def is_superpixel_map(label_map: npt.NDArray[np.int32]) -> bool:
-    """Whether the ids are 0..N-1 and each is one 4-connected region, by flood fill."""
+    """Return whether the ids are 0..N-1 and each forms one 4-connected region, by flood fill."""
     seen = np.zeros(label_map.shape, bool)
     started: set[int] = set()
     for start in np.ndindex(label_map.shape):

@@ -18,7 +18,7 @@ COLORS = ((200, 40, 40), (40, 160, 60), (50, 70, 200))
 
 
 def scene(number: int) -> Frame:
-    """A table before a wall, with three boxes of three colours that stand out from it at places of their own."""
+    """Return a frame with a table, a wall and three boxes of different colours at random positions."""
     rng = np.random.default_rng(number)
     rgb = np.full((HEIGHT, WIDTH, 3), (150, 120, 90), np.uint8)
     depth = np.tile(np.linspace(1.5, 1.0, HEIGHT, dtype=np.float32)[:, None], (1, WIDTH))

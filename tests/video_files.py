@@ -11,7 +11,7 @@ def write_video(
     path: Path, images: list[np.ndarray], codec: str, pixels: str, rate: int = 30,
     moments: list[int] | None = None, options: dict[str, str] | None = None,
 ) -> Path:  # fmt: skip
-    """Write RGB images, or images in the pixel format itself; `moments` are the frames' places in units of 1 / rate."""
+    """Write a video from RGB images or images in the pixel format; `moments` are time stamps in units of 1 / rate."""
     import av
 
     with av.open(str(path), "w") as container:
@@ -28,12 +28,12 @@ def write_video(
 
 
 def colors(count: int, shape: tuple[int, int] = (32, 48)) -> list[np.ndarray]:
-    """Gray images, image k of 20 k."""
+    """Return gray images; image k has the value 20 k."""
     return [np.full((*shape, 3), 20 * place, np.uint8) for place in range(count)]
 
 
 def depths(count: int, shape: tuple[int, int] = (32, 48)) -> list[np.ndarray]:
-    """Depth images, image k of 1000 + 100 k everywhere but in a corner, which is missing."""
+    """Return depth images; image k is 1000 + 100 k everywhere except for one missing corner pixel."""
     images = [np.full(shape, 1000 + 100 * place, np.uint16) for place in range(count)]
     for image in images:
         image[0, 0] = 0

@@ -1,4 +1,4 @@
-"""A vision transformer of a few hundred weights, saved to a folder as the published ones are."""
+"""A tiny vision transformer, saved to a folder in the format of published ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all baselines have in common, and what each does on a made-up table with three boxes."""
+"""The common behaviour of all baselines, and their results on a made-up table with three boxes."""
 
 from __future__ import annotations
 

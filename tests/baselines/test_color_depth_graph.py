@@ -4,7 +4,7 @@ import pytest
 from sgbd.baselines.color_depth_graph import ColorDepthGraph
 from sgbd.frame import Frame
 
-LABELS = np.repeat(np.arange(3, dtype=np.int32), 2)[None].repeat(2, 0)  # 0 0 1 1 2 2, twice
+LABELS = np.repeat(np.arange(3, dtype=np.int32), 2)[None].repeat(2, 0)  # rows of 0 0 1 1 2 2
 RGB = np.where(LABELS == 2, 255, 0)[..., None].repeat(3, -1).astype(np.uint8)
 DEPTH = np.where(LABELS == 0, 1.0, 1.5).astype(np.float32)
 

@@ -1,4 +1,4 @@
-"""The three ways of merging, on a chain of superpixels with known weights."""
+"""The three merging methods on a chain of superpixels with known weights."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ WIDTH = 4
 
 
 def chain(depths: list[float]) -> tuple[Frame, npt.NDArray[np.int32]]:
-    """Superpixels side by side, of one colour, each at a depth."""
+    """Return superpixels side by side, of the same colour, each at the given depth."""
     labels = np.repeat(np.arange(len(depths), dtype=np.int32), WIDTH)[None].repeat(WIDTH, 0)
     return Frame(np.full((*labels.shape, 3), 100, np.uint8), np.array(depths, np.float32)[labels]), labels
 
 
 def groups(segments: npt.NDArray[np.int32]) -> list[int]:
-    """The segment of each superpixel, counted from 0 in the order of the chain."""
+    """Return the segment of each superpixel, numbered from 0 in the order of the chain."""
     row = segments[0, ::WIDTH]
     return [list(dict.fromkeys(row.tolist())).index(segment) for segment in row.tolist()]
 
@@ -41,9 +41,9 @@ def test_normalized_cut_divides_at_the_weakest_link() -> None:
 
 
 def test_hierarchical_merging_pools_borders() -> None:
-    """A weak spot in a border joins two regions in a threshold cut, and not where the whole border is weighed."""
-    # Two columns of four superpixels; the step between them is 16 cm at the top and 1 cm at the bottom, and the right
-    # column steps by 5 cm from superpixel to superpixel.
+    """A weak spot in a border merges two regions in a threshold cut, but not if the whole border is weighted."""
+    # Two columns of four superpixels. The step between the columns is 16 cm at the top and 1 cm at the bottom; in the
+    # right column, neighbours differ by 5 cm.
     labels = np.stack([np.arange(4), np.arange(4, 8)], axis=1).repeat(WIDTH, 0).repeat(WIDTH, 1).astype(np.int32)
     depth = np.array([1, 1, 1, 1, 1.16, 1.11, 1.06, 1.01], np.float32)[labels]
     frame = Frame(np.full((*labels.shape, 3), 100, np.uint8), depth)

@@ -1,4 +1,4 @@
-"""Configurations of a benchmark that takes no time: small frames, one repetition."""
+"""Configurations of a very short benchmark: small frames, one repetition."""
 
 from __future__ import annotations
 
@@ -29,6 +29,6 @@ SMALL = (
 
 @contextmanager
 def small_benchmark(*overrides: str) -> Iterator[DictConfig]:
-    """The configuration, while Hydra is running as it does in a command."""
+    """Yield the configuration while Hydra is initialised, as in a command."""
     with initialize_config_dir(str(config_folder()), version_base="1.3", job_name="benchmark"):
         yield compose("benchmark", [*SMALL, *overrides])

@@ -19,7 +19,7 @@ print(before, peak_memory())
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere the system counts in another way")
 def test_the_peak_is_the_process_s_own() -> None:
-    held = np.ones(2**27)  # 1 GiB here must not show there
+    held = np.ones(2**27)  # 1 GiB in this process must not appear in the fresh one
     found = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True)
     before, after = map(float, found.stdout.split())
     assert 0 < before < held.nbytes / MEBIBYTE / 2

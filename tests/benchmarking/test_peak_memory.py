@@ -10,7 +10,7 @@ from sgbd.machine.workers import map_in_order
 
 
 def hold(mebibytes: int) -> int:
-    """Fill memory for as long as it takes to be seen."""
+    """Hold memory long enough to be measured."""
     held = np.ones(mebibytes * MEBIBYTE, np.uint8)
     time.sleep(5 * PeakMemory.INTERVAL)
     return len(held)

@@ -42,7 +42,7 @@ def test_one_patch_has_no_pairs():
 
 
 def test_its_features_are_the_papers():
-    # A tilted plane without holes, so that both read the same depth.
+    # A tilted plane without holes, so that both methods use the same depth.
     rows, columns = np.mgrid[:24, :32]
     rgb = np.stack([8 * columns, 10 * rows, rows + columns], axis=2).astype(np.uint8)
     frame = Frame(rgb, (1 + 0.01 * columns + 0.02 * rows).astype(np.float32))
@@ -52,7 +52,7 @@ def test_its_features_are_the_papers():
     theirs = patch_features(frame, masks_of(label_map))
     columns_of = node_columns(["rgb", "position", "depth"])
     np.testing.assert_allclose(theirs[:, :6], ours[:, columns_of], atol=1e-5)
-    # Slopes here are per pixel, ours per metre; the direction in the image is the same.
+    # The reference uses slopes per pixel, our features per metre; only the direction in the image is the same.
     normal = ours[:, node_columns(["normal"])]
     np.testing.assert_allclose(theirs[:, 6] / theirs[:, 7], normal[:, 0] / normal[:, 1], rtol=1e-2)
     np.testing.assert_allclose(np.linalg.norm(theirs[:, 6:], axis=1), 1, rtol=1e-6)

@@ -31,7 +31,7 @@ def page(command: str, *overrides: str) -> list[str]:
 
 
 def unexplained(lines: list[str]) -> list[str]:
-    """Return the keys of a page that nothing is said of, beside them or in the line below."""
+    """Return the keys of a help page that have no explanation next to them or in the line below."""
     found = []
     for place, line in enumerate(lines):
         row = ROW.fullmatch(line)

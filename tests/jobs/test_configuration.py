@@ -42,7 +42,7 @@ SOURCES = "".join(path.read_text() for path in (CONF.parent / "sgbd").rglob("*.p
 
 
 def entry_of(experiment: str) -> str:
-    """The command that an experiment is for: the one that its own comment shows."""
+    """Return the command of an experiment, as shown in its comment."""
     return re.search(r"python -m sgbd\.(\w+)", (CONF / "experiment" / f"{experiment}.yaml").read_text())[1]
 
 
@@ -53,7 +53,7 @@ def composed(entry: str, *overrides: str, hydra: bool = False):
 
 
 def objects(node: object, path: str = "") -> Iterator[tuple[str, dict]]:
-    """Every node that names a class, with its place."""
+    """Yield every node that names a class, with its path."""
     if isinstance(node, dict):
         if node.get("_target_"):
             yield path, node
@@ -62,7 +62,7 @@ def objects(node: object, path: str = "") -> Iterator[tuple[str, dict]]:
 
 
 def check_targets(config) -> None:
-    """Every `_target_` exists, and takes each of the arguments beside it."""
+    """Check that every `_target_` exists and accepts all arguments given with it."""
     for path, node in objects(OmegaConf.to_container(config, resolve=False)):
         target = get_object(node["_target_"])
         names = {key for key in node if not re.fullmatch("_[a-z]+_", key)}
@@ -89,7 +89,7 @@ def test_every_entry_composes_and_its_targets_take_its_arguments(entry):
 @pytest.mark.parametrize(("group", "option"), OPTIONS)
 def test_every_option_composes_and_its_target_takes_its_arguments(group, option):
     value = f"[{option}]" if group in ("logger", "baseline") else option
-    # A first stage is a file, which only its digest can stand for here.
+    # The first stage is a file; a digest is used in its place.
     needed = ["graph.first_stage=sha256:0"] if (group, option) == ("graph", "agglomerated") else []
     config = composed("compare" if group == "baseline" else "train", f"{group}={value}", *needed)
     node = config[group]
@@ -119,7 +119,7 @@ def test_every_experiment_composes_under_its_own_name(experiment):
     config = composed(entry, f"+experiment={experiment}", hydra=True)
     assert config.name == experiment
     check_targets(composed(entry, f"+experiment={experiment}"))
-    # Those that vary something sweep by themselves, without -m.
+    # Experiments that vary something start a sweep without -m.
     assert (config.hydra.mode == RunMode.MULTIRUN) == bool(config.hydra.sweeper.params)
 
 

@@ -17,7 +17,7 @@ from tests.scenes import Scenes, scene
 
 
 def own_pairs(label_map: LabelMap) -> Pairs:
-    """An adjacency of the user's."""
+    """A user-defined adjacency."""
     return border_pairs(label_map)
 
 
@@ -38,7 +38,7 @@ def small(folder: Path, dataset: str = "tests.scenes.Scenes") -> DictConfig:
 
 
 def test_what_an_experiment_leaves(tmp_path: Path) -> None:
-    """From frames to scores, with a part of the user's own that the checkpoint's reader has to trust."""
+    """From frames to scores, with a user-defined component that must be trusted when the checkpoint is loaded."""
     config = small(tmp_path)
     config.graph = {
         "_target_": "sgbd.graph.GraphBuilder",
@@ -78,7 +78,7 @@ def test_tuned_thresholds_are_in_the_checkpoint(tmp_path: Path) -> None:
     assert recipe["objects"]["min_objectness"] == table["min_objectness"][0]
     assert recipe["tuning"]["frames"] == 2
     assert recipe["tuning"]["before"] <= recipe["tuning"]["after"] == pytest.approx(table["mean"][0])
-    # Gone on with after the training, it finds the same, not what it would find from there.
+    # Continued after the training, the experiment gives the same results, not those of a search started from there.
     before = (folder / result["checkpoint"]).read_bytes()
     assert run_experiment(config, folder)["scores"] == result["scores"]
     assert (folder / result["checkpoint"]).read_bytes() == before

@@ -1,4 +1,4 @@
-"""Suggestions for keys that a configuration does not have."""
+"""Suggestions for misspelled configuration keys."""
 
 from __future__ import annotations
 

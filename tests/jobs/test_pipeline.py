@@ -11,7 +11,7 @@ generated_with: list[int] = []
 
 
 class Generated(Scenes):
-    """A dataset that is made before it is read."""
+    """A dataset that is generated before reading."""
 
     def generate(self, workers: int) -> None:
         generated_with.append(workers)

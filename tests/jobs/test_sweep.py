@@ -148,7 +148,7 @@ def test_a_sweep_with_a_failing_job_is_repeated_and_extended(tmp_path):
     assert table["sampler.positive_share"].astype(object).fillna("null").tolist() == ["null", 0.5, 0.25, 0.1]
     assert "failed: half is bad" in (sweep / "table.md").read_text()
 
-    # Again, in two processes: only the failed job runs.
+    # Repeated in two processes, only the failed job runs.
     parallel = ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2")
     again = launch(tmp_path, "+experiment=ablate_sampling", "workers=1", *parallel)
     assert again.returncode == 0, again.stderr
@@ -158,7 +158,7 @@ def test_a_sweep_with_a_failing_job_is_repeated_and_extended(tmp_path):
     assert ran[-1] == ran[1] == "sampler.positive_share=0.5 0"
     assert pd.read_csv(sweep / "table.csv")["hm/overlap_f"].tolist() == [0.8, 0.5, 0.25, 0.1]
 
-    # With two seeds: the finished seed is found again, the table of the smaller sweep is kept.
+    # With two seeds, the finished seed is reused, and the table of the smaller sweep is kept.
     more = launch(tmp_path, "+experiment=ablate_sampling", "seed=0,1", "sampler.positive_share=0.25,0.1")
     assert more.returncode == 0, more.stderr
     assert len((tmp_path / "ran.txt").read_text().splitlines()) == 7
@@ -181,7 +181,7 @@ def test_what_this_machine_cannot_run_is_reported_and_is_no_failure(sweep):
 
 def test_rows_without_their_weights_do_not_stop_a_sweep(tmp_path):
     command = [sys.executable, "-m", "sgbd.train", "-m", "features=dino,paper_dino", "dataset=folder", "logger=csv"]
-    # Frames are not looked for: what is missing is told before.
+    # The error is raised before frames are searched for.
     (tmp_path / "frames" / "train").mkdir(parents=True)
     for name in ("a_rgb.png", "a_depth.png"):
         (tmp_path / "frames" / "train" / name).touch()

@@ -6,7 +6,7 @@ from sgbd.machine.linked_lists import LinkedLists, prepend, unlink
 
 
 def members(lists: LinkedLists, number: int) -> list[int]:
-    """Walk a list from its head, and check the way back at every step."""
+    """Walk a list from its head, checking the backward link at every step."""
     found, before, item = [], -1, int(lists.head[number])
     while item >= 0:
         assert lists.preceding[item] == before

@@ -1,4 +1,4 @@
-"""Making an item ahead in a thread gives what a plain loop gives."""
+"""Producing one item ahead in a thread gives the same as a plain loop."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_the_next_item_is_made_while_this_one_is_worked_on(monkeypatch: pytest.M
 
     items = one_ahead(make)
     assert next(items) == 1
-    # A plain loop would not make it before it is asked for.
+    # A plain loop would not produce the item before it is requested.
     assert second_made.wait(timeout=30)
     assert list(items) == [2]
     assert len(set(made)) == 1

@@ -1,4 +1,4 @@
-"""One process does a work, another one waits for it; without locks both are told."""
+"""While one process works, a second one waits; on file systems without locks both log a warning."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ def test_where_no_thread_can_be_started_all_is_done_here_and_once(monkeypatch: p
         limited.setattr(threading.Thread, "start", start)
         side_by_side([partial(done.append, number) for number in range(4)], 2)
     assert done == [0, 1, 2, 3]
-    # What could not be begun then is not begun later.
+    # Work that could not be started then is not started later.
     side_by_side([partial(done.append, 4), partial(done.append, 5)], 2)
     assert sorted(done) == [0, 1, 2, 3, 4, 5]
 

@@ -19,7 +19,7 @@ from sgbd.machine.workers import WorkerError, map_in_order
 
 
 def square(index: int) -> int:
-    time.sleep(0.01 * (index % 3))  # so that later ones are done first
+    time.sleep(0.01 * (index % 3))  # so that later ones finish first
     return index * index
 
 
@@ -68,7 +68,7 @@ def test_workers_run_on_one_thread_and_leave_interruption_to_the_parent(monkeypa
 @pytest.mark.parametrize("workers", [0, 2])
 def test_an_exception_comes_through_after_the_results_before_it(workers: int) -> None:
     results = map_in_order(fail_at_seven, range(100), workers)
-    # Of the chunk that fails nothing is given; with 100 indices and two workers a chunk is 8.
+    # No result of a failing chunk is returned; with 100 indices and two workers, a chunk has 8 indices.
     assert list(itertools.islice(results, 7 if workers == 0 else 0)) == list(range(7 if workers == 0 else 0))
     with pytest.raises(KeyError, match="seven"):
         next(results)
@@ -109,7 +109,7 @@ def test_a_daemonic_process_is_told_that_it_can_start_no_others(monkeypatch: pyt
 
 
 class PoolWithoutProcesses:
-    """Notes whether two threads start processes at a time."""
+    """Records whether two threads start processes at the same time."""
 
     both = threading.Barrier(2)
     together = False
@@ -130,7 +130,7 @@ class PoolWithoutProcesses:
 
 
 def test_threads_start_processes_one_after_the_other(monkeypatch: pytest.MonkeyPatch) -> None:
-    """For what the processes inherit is changed meanwhile, and then put back as it was."""
+    """Because the state that processes inherit is changed during the start and restored afterwards."""
     monkeypatch.setattr(module, "ProcessPoolExecutor", PoolWithoutProcesses)
     monkeypatch.setenv("OMP_NUM_THREADS", "5")
     file = sys.modules["__main__"].__file__
@@ -178,7 +178,7 @@ def test_a_script_without_guard_gets_advice_instead_of_hanging(tmp_path: Path) -
 
 @pytest.mark.skipif(sys.platform == "win32", reason="runs a script as a POSIX process")
 def test_workers_import_the_main_script_only_for_what_is_defined_in_it(tmp_path: Path) -> None:
-    # Without a guard: it would start workers again if it were imported.
+    # Without a main guard: importing the script again would start workers again.
     done = _run(
         tmp_path, "from sgbd.machine.workers import map_in_order\nprint(list(map_in_order(abs, range(3), 1)))\n"
     )
@@ -200,6 +200,6 @@ def squares_in_workers(count: int) -> tuple[list[int], str]:
 
 
 def test_processes_of_joblib_can_have_workers() -> None:
-    """As the jobs of Hydra's joblib launcher do, which prepare frames."""
+    """As jobs of Hydra's joblib launcher do when they prepare frames."""
     results = joblib.Parallel(n_jobs=2, backend="loky")(joblib.delayed(squares_in_workers)(count) for count in (3, 4))
     assert results == [([0, 1, 4], "loky"), ([0, 1, 4, 9], "loky")]

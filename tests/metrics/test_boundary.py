@@ -12,7 +12,7 @@ from sgbd.metrics.boundary import matching_radius
 
 
 def contour_of_mask(mask: np.ndarray) -> np.ndarray:
-    """The part of a mask with a 4-neighbour in the component of the complement that holds the frame around it."""
+    """Return the mask pixels with a 4-neighbour in the complement's component that contains the image frame."""
     framed = np.pad(mask, 1)
     component, _ = ndimage.label(~framed)
     outside = component == component[0, 0]
@@ -26,7 +26,7 @@ def near(mask: np.ndarray, radius: int) -> np.ndarray:
 
 
 def blobs(seed: int, shape: tuple[int, int], lowest: int) -> np.ndarray:
-    """A label map of ragged regions with holes and islands."""
+    """Return a label map of ragged regions with holes and islands."""
     noise = ndimage.gaussian_filter(np.random.default_rng(seed).normal(size=shape), 1.5)
     return np.digitize(noise, np.quantile(noise, [0.15, 0.5, 0.7, 0.85])) + lowest
 
@@ -48,7 +48,7 @@ def test_a_mask_that_touches_the_image_edge_follows_it():
 
 
 def test_the_outside_flows_between_four_neighbours_only():
-    # The corner is open diagonally: that is no way in.
+    # The corner is open only diagonally, which does not connect it to the outside.
     labels = np.array([[0, 2, 2, 2], [2, 0, 2, 2], [2, 2, 2, 2], [2, 2, 2, 2]])
     got = contours(labels, [2]).index
     assert got[2, 2] == -1
@@ -98,7 +98,7 @@ def test_contours_match_up_to_three_pixels_in_a_vga_frame(shift: int, predicted_
     match = match_contours(prediction, truth, match_objects(ContingencyTable.from_label_maps(prediction, truth)))
     assert match.true_length.tolist() == [2 * 320 + 2 * 478]
     assert match.predicted_length.tolist() == [2 * (320 - shift) + 2 * 478]
-    # Four pixels off, the left sides miss each other. The predicted one still ends near the true top and bottom.
+    # The left sides are four pixels apart and do not match; the ends of the predicted one match true top and bottom.
     assert match.true_length - match.true_matched == true_missed
     assert match.predicted_length - match.predicted_matched == predicted_missed
 

@@ -35,7 +35,7 @@ def test_objects_without_a_match_are_skipped_or_count_as_zero():
     prediction = np.zeros_like(TRUTH)
     table = ContingencyTable.from_label_maps(prediction, TRUTH)
     skipped = category_scores(table, CATEGORY, prediction, TRUTH)
-    assert set(skipped.scores) == {"mug"}  # the one segment is matched with the largest object
+    assert set(skipped.scores) == {"mug"}  # the single segment is matched with the largest object
     assert skipped.scores["mug"].overlap_recall == 1
     zero = category_scores(table, CATEGORY, prediction, TRUTH, unmatched="zero")
     assert zero.scores["can"] == scores_of(0.0)

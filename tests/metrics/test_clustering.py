@@ -26,7 +26,7 @@ def test_as_scikit_image_has_it(prediction: np.ndarray, truth: np.ndarray):
 def test_halves_and_quarters():
     truth, prediction = np.array([[0, 0, 0, 0, 1, 1, 1, 1]]), np.array([[0, 0, 1, 1, 2, 2, 3, 3]])
     scores = clustering_scores(ContingencyTable.from_label_maps(prediction, truth))
-    # 4 pairs of pixels are together in the prediction, all of 12 in the truth: P = 1, R = 1/3, F = 1/2.
+    # The prediction joins 4 pairs of pixels, all of them among the 12 true pairs: P = 1, R = 1/3, F = 1/2.
     assert scores == ClusteringScores(rand_error=0.5, split=1.0, merge=0.0, variation_of_information=1.0)
     swapped = clustering_scores(ContingencyTable.from_label_maps(truth, prediction))
     assert (swapped.split, swapped.merge) == (0.0, 1.0)

@@ -12,7 +12,7 @@ SHAPES = array_shapes(min_dims=2, max_dims=2, min_side=1, max_side=9)
 
 
 def overlaps(superpixels: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Superpixel, instance and pixels of each overlap, ignored pixels included."""
+    """Return superpixel, instance and number of pixels of each overlap, including ignored pixels."""
     pairs, count = np.unique(np.stack([superpixels.ravel(), truth.ravel()]), axis=1, return_counts=True)
     return pairs[0], pairs[1], count
 
@@ -40,7 +40,7 @@ def test_segments_and_instances_in_ignored_pixels_vanish():
 @given(st.data(), SHAPES)
 @settings(max_examples=80, deadline=None)
 def test_every_count_is_that_of_two_masks(data: st.DataObject, shape: tuple[int, int]):
-    # Labels far apart take another way than labels close together.
+    # Sparse labels take a different code path than dense ones.
     names = np.array(data.draw(st.sampled_from([[0, 1, 2, 5], [0, 3, 1 << 22, 1 << 30]])))
     prediction = names[data.draw(arrays(np.int64, shape, elements=st.integers(0, 3)))]
     truth = data.draw(arrays(np.int16, shape, elements=st.integers(-1, 4)))

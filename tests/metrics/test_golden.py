@@ -1,4 +1,4 @@
-"""Equality with the published evaluation on recorded label maps."""
+"""The metrics equal those of the published evaluation on recorded label maps."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CASES = [
     *("shapes_small", "shapes_vga", "perfect", "nothing_predicted", "no_objects", "both_empty", "one_blob", "disjoint"),
     *("real_learn3", "real_learn20", "real_learn28", "real_learn40"),
 ]
-CATEGORY_CASES = [case for case in CASES if case not in ("no_objects", "both_empty")]  # recorded for these alone
+CATEGORY_CASES = [case for case in CASES if case not in ("no_objects", "both_empty")]  # recorded only for these
 NEAR = {"rel": 0, "abs": 1e-9}
 
 
@@ -33,7 +33,7 @@ def load(shared_data: Path, case: str) -> tuple[np.ndarray, np.ndarray, dict]:
 
 
 def as_superpixels(prediction: np.ndarray, truth: np.ndarray, size: int = 7) -> tuple[np.ndarray, ...]:
-    """Overlaps of tiles cut along the borders of the prediction, and the segment of each tile."""
+    """Return the overlaps of tiles cut along the borders of the prediction, and the segment of each tile."""
     y, x = np.indices(truth.shape) // size
     tile = y * (truth.shape[1] // size + 1) + x
     _, superpixel = np.unique((tile * 256 + prediction).ravel(), return_inverse=True)

@@ -1,4 +1,4 @@
-"""Positions of labels, looked up in a table or searched, against a dictionary."""
+"""Positions of labels, by table lookup or search, compared with a dictionary."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ LABELS = arrays(np.int64, (5, 6), elements=st.integers(-1, 4))
 
 
 def scores_from_masks(prediction: np.ndarray, truth: np.ndarray) -> tuple[float, float, float]:
-    """Greatest sum of pairwise F over all one-to-one matchings, and shares of correct pixels."""
+    """Return the largest sum of pairwise F over all one-to-one matchings, and the shares of correct pixels."""
     known = truth != -1
     predicted = [known & (prediction == k) for k in np.unique(prediction[known]) if k >= 2]
     true = [truth == k for k in np.unique(truth) if k >= 2]
@@ -64,7 +64,7 @@ def test_what_is_predicted_on_ignored_pixels_changes_nothing(prediction, truth, 
 
 
 def test_a_split_object():
-    # Object 2 has 6 pixels; segment 2 has 4 of them, segment 3 the other two and one of the table.
+    # Object 2 has 6 pixels; segment 2 covers 4 of them, segment 3 the other two and one table pixel.
     table = ContingencyTable.from_label_maps(np.array([[2, 2, 2, 2, 3, 3, 3, 1]]), np.array([[2, 2, 2, 2, 2, 2, 1, 1]]))
     scores = overlap_scores(table)
     assert (scores.precision, scores.recall, scores.f_measure) == pytest.approx((4 / 7, 4 / 6, 8 / 13))

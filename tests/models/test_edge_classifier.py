@@ -1,4 +1,4 @@
-"""What every edge classifier keeps to, and what a class of the user's own gets from the base."""
+"""The common contract of all edge classifiers, and what user-defined classes inherit from the base class."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MODELS = [SharedMLP, GatedGCN, SymmetricGCN, EdgeTransformer]
 
 
 class DirectedProduct(EdgeClassifier):
-    """A model of a user's own: only `score` is defined, and it does depend on the direction."""
+    """A user-defined model: it implements only `score`, which depends on the direction."""
 
     def __init__(self, node_channels: int, edge_channels: int = 0) -> None:
         super().__init__(node_channels, edge_channels)
@@ -25,7 +25,7 @@ class DirectedProduct(EdgeClassifier):
 
 
 def build(model: type[EdgeClassifier], node_channels: int = 3, edge_channels: int = 2) -> EdgeClassifier:
-    """A model with every weight and every running moment random, so that nothing is symmetric by accident."""
+    """Return a model with random weights and running moments, so that nothing is symmetric by accident."""
     torch.manual_seed(1)
     built = model(node_channels, edge_channels)
     for tensor in (*built.parameters(), *built.buffers()):
@@ -70,7 +70,7 @@ def test_evaluation_is_symmetric_to_the_last_bit(model: type[EdgeClassifier], ed
     with torch.no_grad():
         assert torch.equal(built.eval()(data), built(turned))
         built.train()
-        # In training the direction counts, but for the model that knows none.
+        # In training, the direction matters, except for the model on undirected edges.
         assert torch.equal(built(data), built(turned)) == (model is SymmetricGCN)
 
 

@@ -1,4 +1,4 @@
-"""The compiled passes of the gated graph convolutions, held against PyTorch's operations."""
+"""The compiled passes of the gated graph convolution, compared with PyTorch operations."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_the_compiled_pass_gives_the_same_logits(
     kind: type[Model], channels: tuple[int, int], hidden: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data = grid_graph(7, 9, *channels)
-    # Edges in any order, as of a graph that was not made here, and a superpixel without neighbours.
+    # Edges in arbitrary order, as in a foreign graph, and a superpixel without neighbours.
     shuffled = torch.randperm(data.edge_index.size(1), generator=torch.Generator().manual_seed(0))
     data.edge_index, data.edge_attr = data.edge_index[:, shuffled], data.edge_attr[shuffled]
     data.x = torch.cat([data.x, data.x[:1]])
@@ -51,7 +51,7 @@ def test_the_compiled_pass_gives_the_same_logits(
     before = {name: value.clone() for name, value in model.state_dict().items()}
     compiled, plain = _both_ways(model, data, monkeypatch)
     torch.testing.assert_close(compiled, plain, rtol=1e-5, atol=1e-5)
-    # A single hidden unit may be dead.
+    # A single hidden unit may be inactive.
     assert hidden == 1 or len(plain.unique()) > 50, "the logits must tell pairs apart"
     for name, value in model.state_dict().items():
         assert torch.equal(value, before[name]), f"{name} must not change"

@@ -1,4 +1,4 @@
-"""The compiled messages and their gradient against the same by PyTorch's operations."""
+"""The compiled messages and their gradient, compared with PyTorch operations."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from sgbd.models.gated_messages import gated_messages, has_messages_compiled
 def updated(
     convolution: GatedConvolution, nodes: Tensor, edges: Tensor, edge_index: Tensor, compiled: bool
 ) -> list[Tensor]:
-    """New states, and the gradients of all that they depend on."""
+    """Return the new states and the gradients of all inputs."""
     convolution = copy.deepcopy(convolution)
     nodes, edges = nodes.clone().requires_grad_(), edges.clone().requires_grad_()
     with pytest.MonkeyPatch.context() as patch:
@@ -40,7 +40,7 @@ def test_states_and_gradients_are_those_of_the_operations(nodes: int, edges: int
     convolution = GatedConvolution(channels)
     edge_index = torch.randint(0, nodes, (2, edges))
     if edges == 1:
-        convolution.eval()  # a single row has no variance to normalise by
+        convolution.eval()  # a single row has no variance for normalisation
     given_states = (torch.randn(nodes, channels), torch.randn(edges, channels), edge_index)
     ours, theirs = (updated(convolution, *given_states, compiled) for compiled in (True, False))
     for mine, other in zip(ours, theirs, strict=True):

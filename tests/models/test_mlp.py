@@ -1,4 +1,4 @@
-"""The forms of the shared MLP that are shipped."""
+"""The shipped variants of the shared MLP."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_evaluation_gives_what_the_layers_give_one_by_one(name: str, pairs: int)
     torch.manual_seed(0)
     model = shipped(name, 3, 2)
     for norm in model.mlp.norms:
-        # Moments as after training, not those of a new layer, which change nothing.
+        # Use moments as after training: those of a new layer have no effect.
         torch.nn.init.normal_(norm.module.running_mean)
         torch.nn.init.uniform_(norm.module.running_var, 0.5, 2.0)
         torch.nn.init.normal_(norm.module.weight)

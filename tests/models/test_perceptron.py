@@ -1,4 +1,4 @@
-"""The perceptron, held against PyG's, and its short ways in evaluation against the long one."""
+"""The perceptron compared with PyG's, and its evaluation shortcuts compared with the full computation."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FORMS: list[dict[str, Any]] = [
 
 
 def pair(form: dict[str, Any]) -> tuple[Perceptron, MLP]:
-    """The same weights and moments, all of them random, in ours and in PyG's."""
+    """Return our perceptron and PyG's with the same random weights and moments."""
     torch.manual_seed(0)
     theirs = MLP(
         [8, 6, 5, 2],

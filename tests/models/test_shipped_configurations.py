@@ -1,4 +1,4 @@
-"""Every shipped model, head and sampler, composed as a user would, trained for a step."""
+"""Every shipped model, head and sampler is composed as by a user and trained for a step."""
 
 from __future__ import annotations
 

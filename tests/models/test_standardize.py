@@ -1,4 +1,4 @@
-"""Moments in pieces, and what is done with columns that never vary."""
+"""Moments accumulated in pieces, and the treatment of constant columns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The convolution on undirected edges against a plain loop, and what does not change its logits."""
+"""The convolution on undirected edges compared with a plain loop, and the invariances of its logits."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_a_convolution_is_the_formula(pairs: Tensor) -> None:
         want_nodes, want_edges = plain_loop(layer, nodes, edges, pairs)
     torch.testing.assert_close(got_nodes, want_nodes, rtol=1e-5, atol=1e-5)
     torch.testing.assert_close(got_edges, want_edges, rtol=1e-5, atol=1e-5)
-    # Were all updates clipped to 0, all of the above would agree.
+    # If all updates were clipped to 0, all of the above would agree trivially.
     assert not torch.equal(got_nodes, nodes)
 
 
@@ -78,7 +78,7 @@ def test_the_ends_of_a_pair_may_change_places_in_a_convolution() -> None:
 
 
 def test_one_edge_is_made_of_two_directions() -> None:
-    # (0, 1) and (1, 2), there and back.
+    # (0, 1) and (1, 2), in both directions.
     edge_index = torch.tensor([[0, 1, 1, 2], [1, 2, 0, 1]])
     attributes = torch.tensor([[1.0, 5.0], [2.0, 0.0], [4.0, 5.0], [-2.0, 1.0]])
     pairs, edges = undirected(edge_index, attributes, 3)
@@ -116,7 +116,7 @@ def test_an_edge_without_its_opposite_is_refused(edges: list[list[int]], alone: 
 
 
 def permuted(data: Data, node: Tensor, edge: Tensor) -> Data:
-    """The same graph with nodes and directed edges in another order; `node` gives each node's new number."""
+    """Return the graph with nodes and directed edges reordered; `node` is the new number of each node."""
     other = data.clone()
     other.x = torch.empty_like(data.x)
     other.x[node] = data.x
@@ -151,7 +151,7 @@ def test_exchanging_the_features_of_the_two_directions_does_not_matter() -> None
 def test_that_the_two_directions_differ_is_seen() -> None:
     data = path_graph([1, 0])
     other = data.clone()
-    # The same mean of both directions of the edge (0, 1), another difference.
+    # The mean of both directions of the edge (0, 1) is the same, their difference is not.
     other.edge_attr[0] += 1.0
     other.edge_attr[2] -= 1.0
     built = model()

@@ -1,4 +1,4 @@
-"""Signed graphs for tests of partitioners: all small ones, and random ones whose weights add up exactly."""
+"""Signed graphs for tests of partitioners: all small graphs, and random ones with exactly summable weights."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sgbd.partition import multicut_cost
 
 
 def partitions(num_nodes: int) -> Iterator[np.ndarray]:
-    """All partitions of a set, as restricted growth strings."""
+    """Yield all partitions of a set, as restricted growth strings."""
 
     def grow(prefix: list[int]) -> Iterator[list[int]]:
         if len(prefix) == num_nodes:
@@ -24,7 +24,7 @@ def partitions(num_nodes: int) -> Iterator[np.ndarray]:
 
 
 def graphs(num_nodes: int) -> Iterator[np.ndarray]:
-    """All graphs on labelled nodes, as pairs [2, E]."""
+    """Yield all graphs on labelled nodes, as pairs [2, E]."""
     every = list(itertools.combinations(range(num_nodes), 2))
     for size in range(len(every) + 1):
         for pairs in itertools.combinations(every, size):
@@ -36,19 +36,19 @@ def least_cost(num_nodes: int, pairs: np.ndarray, weight: np.ndarray) -> float:
 
 
 def signed_weights(count: int, seed: int) -> np.ndarray:
-    """Distinct weights whose sums are exact, so that no order of adding them matters."""
+    """Return distinct weights whose sums are exact in any order."""
     generator = np.random.default_rng(seed)
     return generator.integers(-(2**20), 2**20, count) / 2**10 + generator.permutation(count) / 2**20
 
 
 def random_pairs(num_nodes: int, density: float, seed: int) -> np.ndarray:
-    """Pairs [2, E] of a random graph, in order."""
+    """Return the sorted pairs [2, E] of a random graph."""
     every = np.array(list(itertools.combinations(range(num_nodes), 2)), dtype=np.int64).reshape(-1, 2)
     return every[np.random.default_rng(seed).random(len(every)) < density].T
 
 
 def numbered(groups: list[set[int]], num_nodes: int) -> list[int]:
-    """Segment of each node, numbered in the order of first appearance."""
+    """Renumber segments in the order of first appearance."""
     segment = [0] * num_nodes
     for number, group in enumerate(sorted(groups, key=min)):
         for node in group:

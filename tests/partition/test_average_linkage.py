@@ -14,7 +14,7 @@ from tests.partition.graphs import graphs, numbered, random_pairs
 def agglomerate_slowly(
     num_nodes: int, pairs: np.ndarray, weight: np.ndarray, share: np.ndarray, cannot_link: bool
 ) -> list[int]:
-    """Average linkage from its definition: the mean over all edges between two groups is computed anew each time."""
+    """Average linkage by definition: the mean over all edges between two groups is recomputed in every step."""
     groups = [{node} for node in range(num_nodes)]
     forbidden: list[tuple[int, int]] = []
 
@@ -66,14 +66,14 @@ def test_random_graphs_against_the_definition(num_nodes: int, density: float, ca
     share = shares(pairs.shape[1], seed)
     segment = agglomerate(num_nodes, pairs, weight, "mean", share, cannot_link)
     assert segment.tolist() == agglomerate_slowly(num_nodes, pairs, weight, share, cannot_link)
-    # Repeated pairs count as one, with all their votes.
+    # Repeated pairs count as one pair with the sum of their votes.
     twice = np.concatenate([pairs, pairs[::-1]], axis=1)
     both = agglomerate(num_nodes, twice, np.tile(weight, 2), "mean", np.tile(share, 2), cannot_link)
     assert both.tolist() == segment.tolist()
 
 
 def test_the_mean_counts_border_pixels():
-    # 0-1 is joined first. To 2 leads then a border of 30 pixels with 0.6 and one of 10 with 0.1: 0.475 on average.
+    # 0-1 is merged first. Its border to 2 then has 30 pixels with 0.6 and 10 with 0.1: 0.475 on average.
     graph = (3, [[0, 0, 1], [1, 2, 2]], [0.9, 0.6, 0.1], [5, 30, 10])
     assert AverageLinkage(0.47)(*graph).tolist() == [0, 0, 0]
     assert AverageLinkage(0.48)(*graph).tolist() == [0, 0, 1]
@@ -85,7 +85,7 @@ def test_the_mean_counts_border_pixels():
 
 
 def test_a_sure_cut_forbids_for_good():
-    # 1-2 is a surer cut than the merges, whose mean outvotes it unless it forbids.
+    # 1-2 is a more certain cut than the merges, but their mean outvotes it unless cuts forbid merging.
     graph = (3, [[0, 0, 1], [1, 2, 2]], [0.95, 0.9, 0.01], [10, 30, 10])
     assert AverageLinkage()(*graph).tolist() == [0, 0, 0]
     assert AverageLinkage(cannot_link=True)(*graph).tolist() == [0, 0, 1]

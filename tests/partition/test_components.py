@@ -17,7 +17,7 @@ def test_an_edge_is_kept_if_its_probability_is_above_the_threshold():
 
 
 def test_one_false_merge_joins_everything():
-    # Two triangles, and one of three edges between them is wrong.
+    # Two triangles; one of the three edges between them is misclassified.
     pairs = np.array([[0, 0, 1, 3, 3, 4, 0, 1, 2], [1, 2, 2, 4, 5, 5, 3, 4, 5]])
     segment = ConnectedComponents()(6, pairs, [1, 1, 1, 1, 1, 1, 0.6, 0, 0], np.full(9, 10))
     assert segment.tolist() == [0] * 6

@@ -33,12 +33,12 @@ def test_all_small_graphs_against_all_partitions(num_nodes: int):
         assert least - 1e-9 <= cost <= multicut_cost(pairs, weight, greedy)
         optimal += cost <= least + 1e-9
         total += 1
-    # Local search isn't exact in general; of 1024 graphs with five nodes and random weights it misses a few.
+    # Local search is not exact in general: it misses the optimum of a few of the 1024 graphs with five nodes.
     assert optimal == total if num_nodes <= 4 else optimal >= 0.99 * total
 
 
 def test_it_takes_back_what_the_greedy_contraction_joined_too_early():
-    # 1 and 2 are joined first, although each belongs to its own side.
+    # 1 and 2 are merged first, although they belong to different sides.
     pairs = np.array([[0, 0, 1, 1, 1, 2, 2], [1, 2, 2, 3, 4, 3, 4]])
     weight = np.array([4.0, -3.0, 4.5, -3.0, -3.0, 3.0, 3.0])
     greedy = greedy_additive_edge_contraction(5, pairs, weight)
@@ -62,7 +62,7 @@ def test_never_worse_than_greedy_connected_and_at_rest(num_nodes: int, density: 
     graph.add_edges_from(pairs.T.tolist())
     for label in range(segment.max() + 1):
         assert nx.is_connected(graph.subgraph(np.flatnonzero(segment == label).tolist()))
-    # Moving any one node to a neighbouring segment or into one of its own gains nothing.
+    # Moving any single node to a neighbouring segment or a new segment brings no gain.
     for node in range(num_nodes):
         around = segment[pairs[1][pairs[0] == node]].tolist() + segment[pairs[0][pairs[1] == node]].tolist()
         for label in {*around, num_nodes}:

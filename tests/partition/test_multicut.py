@@ -51,7 +51,7 @@ def test_all_small_graphs_against_all_partitions(num_nodes: int):
         cut = every_partition[:, pairs[0]] != every_partition[:, pairs[1]]
         least = (cut * weight).sum(axis=1).min() if pairs.size else 0.0
         assert cost >= least - 1e-9
-        # No worse than all apart or all together, and joining no two segments helps.
+        # Not worse than all nodes separate or together, and merging any two segments brings no gain.
         assert cost <= weight.sum()
         for a, b in itertools.combinations(range(segment.max() + 1), 2):
             assert multicut_cost(pairs, weight, np.where(segment == b, a, segment)) >= cost
@@ -60,7 +60,7 @@ def test_all_small_graphs_against_all_partitions(num_nodes: int):
             assert cost == pytest.approx(least)
         optimal += cost <= least + 1e-9
         total += 1
-    # Greedy isn't exact in general. Up to triangles it is; on these graphs with random weights it nearly always is.
+    # The greedy method is exact for up to three nodes, and nearly always on these graphs with random weights.
     assert optimal == total if num_nodes <= 3 else optimal >= 0.95 * total
 
 

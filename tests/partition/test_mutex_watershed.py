@@ -10,7 +10,7 @@ from tests.partition.graphs import graphs, numbered, random_pairs
 
 
 def watershed_slowly(num_nodes: int, pairs: np.ndarray, weight: np.ndarray) -> list[int]:
-    """The mutex watershed from its definition, with groups and forbidden pairs of nodes as sets."""
+    """The mutex watershed by definition, with sets for groups and for mutually exclusive nodes."""
     group = [{node} for node in range(num_nodes)]
     mutex: set[tuple[int, int]] = set()
     for edge in sorted(range(len(weight)), key=lambda e: (-abs(weight[e]), pairs[0, e], pairs[1, e])):
@@ -21,7 +21,7 @@ def watershed_slowly(num_nodes: int, pairs: np.ndarray, weight: np.ndarray) -> l
             mutex |= {(i, j) for i in a for j in b} | {(j, i) for i in a for j in b}
         elif not any((i, j) in mutex for i in a for j in b):
             joined = a | b
-            # Whatever one of them is forbidden to join, all are.
+            # A constraint of one member applies to the whole group.
             mutex |= {(i, k) for i in joined for j, k in mutex if j in joined}
             mutex |= {(k, i) for i in joined for j, k in mutex if j in joined}
             for node in joined:
@@ -32,7 +32,7 @@ def watershed_slowly(num_nodes: int, pairs: np.ndarray, weight: np.ndarray) -> l
 @pytest.mark.parametrize("num_nodes", [1, 2, 3, 4])
 def test_all_small_graphs_against_the_definition(num_nodes: int):
     for seed, pairs in enumerate(graphs(num_nodes)):
-        # Few different weights: ties on most graphs.
+        # Few distinct weights give ties on most graphs.
         for weight in (
             np.random.default_rng(seed).uniform(-1, 1, pairs.shape[1]),
             np.random.default_rng(seed).integers(-2, 3, pairs.shape[1]).astype(float),
@@ -50,7 +50,7 @@ def test_random_graphs_against_the_definition(num_nodes: int, density: float, ti
         weight = np.round(3 * weight)
     segment = agglomerate(num_nodes, pairs, weight, "absolute_maximum", cannot_link=True)
     assert segment.tolist() == watershed_slowly(num_nodes, pairs, weight)
-    # Of a repeated pair the surer edge counts.
+    # For a repeated pair, the more certain edge counts.
     twice = np.concatenate([pairs, pairs[::-1]], axis=1)
     both = agglomerate(num_nodes, twice, np.concatenate([weight, -weight / 2]), "absolute_maximum", cannot_link=True)
     assert both.tolist() == segment.tolist()
@@ -61,9 +61,9 @@ def test_one_sure_cut_outweighs_many_merges():
     probability = [0.9, 0.9, 0.8, 0.05, 0.8]
     # 1 and 3 are forbidden first; then 0 goes with 1 and 2, and 3 stays alone.
     assert MutexWatershed()(4, pairs, probability, np.ones(5)).tolist() == [0, 0, 0, 1]
-    # Where the border makes sure, the long ones decide.
+    # If the border length adds certainty, the long borders decide.
     assert MutexWatershed(border_weight="length")(4, pairs, probability, [9, 9, 9, 1, 9]).tolist() == [0, 0, 0, 0]
-    # A lower threshold makes 0.05 a doubtful cut, and 0.8 surer.
+    # A lower threshold makes the cut with 0.05 less certain and the merge with 0.8 more certain.
     assert MutexWatershed(0.04)(4, pairs, probability, np.ones(5)).tolist() == [0, 0, 0, 0]
 
 

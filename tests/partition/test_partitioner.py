@@ -1,4 +1,4 @@
-"""What every partitioner keeps to: input, output, errors, and what objectness does to all of them alike."""
+"""The common contract of all partitioners: input, output, errors and the effect of objectness."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_neither_order_nor_direction_of_pairs_matters(
 ):
     pairs = random_pairs(num_nodes, density, seed)
     generator = np.random.default_rng(seed)
-    # Lengths of one pixel: sums of what is in them are the same in any order, but for ties that rounding decides.
+    # Borders of one pixel: sums do not depend on the order, except for ties decided by rounding.
     probability, length = generator.random(pairs.shape[1]), np.ones(pairs.shape[1])
     segment = partition(num_nodes, pairs, probability, length)
     assert segment.dtype == np.int64

@@ -1,4 +1,4 @@
-"""Folders as trainings, evaluations and sweeps leave them, small and written by hand."""
+"""Small hand-written result folders of trainings, evaluations and sweeps."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def write_run(
     dataset: str = "scenes",
     unseen_only: tuple[str, ...] = (),
 ) -> Path:
-    """A run with these frames and their overlap F; `unseen_only` show nothing but bowls."""
+    """Write a run with the given frames and their overlap F; those in `unseen_only` show only bowls."""
     folder.mkdir(parents=True)
     (folder / "scores.json").write_text(json.dumps(SCORES))
     table = pd.DataFrame(
@@ -53,7 +53,7 @@ def write_run(
 
 
 def write_sweep(folder: Path, settings: dict[str, str | None]) -> Path:
-    """A sweep over `features` with two seeds each; a setting with a text has failed with it."""
+    """Write a sweep over `features` with two seeds each; a setting with a text has failed with this error."""
     records = folder / ".jobs"
     records.mkdir(parents=True)
     number = 0

@@ -1,4 +1,4 @@
-"""Segmentations made by hand."""
+"""Hand-made segmentations."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sgbd.segmentation import Segmentation
 
 
 def halves(frame: Frame, probability: float) -> Segmentation:
-    """Two superpixels side by side with one edge between them, and nothing taken for an object."""
+    """Return two superpixels side by side with one edge between them, and no predicted object."""
     superpixels = np.zeros(frame.depth.shape, np.int32)
     superpixels[:, frame.width // 2 :] = 1
     return Segmentation(

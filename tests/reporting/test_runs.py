@@ -40,7 +40,7 @@ def test_a_sweep_with_failed_jobs(tmp_path: Path) -> None:
     (sweep,) = results.sweeps
     assert sweep.jobs["state"].tolist() == ["finished", "finished", "failed", "failed"]
     assert [run.label for run in results.runs] == ["features=rgb, seed=0", "features=rgb, seed=1"]
-    # The same as part of a larger folder, beside a run of its own.
+    # The same sweep as part of a larger folder, next to a separate run.
     write_run(tmp_path / "single", {"a": 0.5})
     labels = [run.label for run in read_results(tmp_path).runs]
     assert labels == ["ablation: features=rgb, seed=0", "ablation: features=rgb, seed=1", "single"]
