@@ -1,10 +1,10 @@
-"""Machine code that is kept on disk, read without what only compiling needs.
+"""Machine code kept on disk, read without what only compiling needs.
 
-Before Numba reads the first function from disk it makes itself ready to compile: it imports all that it knows to
-translate, `scipy.linalg` among it, and compiles its own functions for counting references, for which LLVM's optimiser
-and code generator are read into memory. That takes some 50 MiB and a third of a second in every process, for nothing
-where no function is compiled after that, as on a robot. What is read from disk needs the addresses of a few functions
-of Numba's, no more; and whatever does compile makes itself ready in any case.
+Before Numba reads the first function from disk, it prepares to compile: it imports everything it can translate,
+including `scipy.linalg`, and compiles its own reference-counting functions, which loads LLVM's optimiser and code
+generator. This takes about 50 MiB and a third of a second in every process, and is wasted if no function is compiled
+afterwards, as on a robot. Code read from disk needs only the addresses of a few of Numba's functions, and compiling
+makes these preparations itself.
 """
 
 from __future__ import annotations
@@ -24,60 +24,60 @@ from numba.core.dispatcher import Dispatcher
 logger = logging.getLogger(__name__)
 
 TRIED_VERSIONS = ("0.68",)
-"""Versions of Numba that `KeptCode` was tried with: it uses what Numba does not promise to keep as it is."""
+"""Versions of Numba that `KeptCode` was tested with: it uses internals that may change between versions."""
 CAN_SKIP = ".".join(numba.__version__.split(".")[:2]) in TRIED_VERSIONS
-"""If not, functions are read as Numba itself reads them."""
+"""Whether this version of Numba was tested. If not, functions are read as Numba itself reads them."""
 
 
 class KeptCode(FunctionCache):
     """The machine code of one function on disk.
 
-    For functions of arrays and numbers. What else Numba's own preparation tells the linker, the secret of hashes of
-    strings, it does not.
+    For functions of arrays and numbers only: unlike Numba's own preparation, it does not give the linker the secret of
+    string hashes.
     """
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
-        """Extend Numba's key, which knows the function's own file only, by everything compiled into the function."""
+        """Extend Numba's key, which covers only the function's own file, with all that is compiled into it."""
         return *super()._index_key(sig, codegen), dependencies(self._py_func)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Read what is kept for a signature; None if nothing is, or it is damaged, as a power cut may leave it."""
+        """Read the code kept for a signature; None if there is none or it is damaged, for example by a power cut."""
         name_runtime_functions()
         try:
             with self._guard_against_spurious_io_errors():
                 return self._load_overload(sig, target_context)
         except MemoryError:
             raise
-        except Exception as error:  # whatever bytes that are no pickle, or no machine code, may lead to
+        except Exception as error:  # damaged pickles and machine code may raise anything
             logger.warning("the kept code of %s cannot be read and is made again: %r", self._name, error)
             self._forget()
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the code of a signature, if there is room for it."""
+        """Keep the code of a signature, if there is room on the disk."""
         try:
             with self._guard_against_spurious_io_errors():
                 self._save_overload(sig, data)
         except OSError as error:
             logger.warning("the compiled code of %s cannot be kept: %s", self._name, error)
-            # It may name a file that was not written, in the place of which one of an earlier version lies.
+            # The index may name a file that was not written, while an older version of that file is still there.
             self._forget()
 
     def _forget(self) -> None:
-        """Take away the list of what is kept."""
+        """Delete the index of the kept code."""
         with contextlib.suppress(OSError):
             Path(self._cache_file._index_path).unlink(missing_ok=True)
 
 
 def dependencies(function: FunctionType) -> tuple[tuple[Any, ...], ...]:
-    """Return what the machine code of a function takes from elsewhere.
+    """Return what the machine code of a function depends on.
 
     Args:
         function: The Python function. Compiled functions that it calls are followed, in other modules too.
 
     Returns:
-        Name, time of change and size of the files of all these functions, then names and values of the module constants
-        that they use; each part sorted.
+        Name, modification time and size of the files of all these functions, then names and values of the module
+        constants that they use; each part sorted.
     """
     stamps, constants = set(), set()
     seen, waiting = {function}, [function]
@@ -96,29 +96,30 @@ def dependencies(function: FunctionType) -> tuple[tuple[Any, ...], ...]:
 
 @cache
 def _stamp(file: str) -> tuple[str, int, int]:
+    """Return name, modification time (ns) and size (bytes) of a file."""
     status = Path(file).stat()
     return Path(file).name, status.st_mtime_ns, status.st_size
 
 
 @cache
 def name_runtime_functions() -> None:
-    """Tell the linker where Numba's functions for memory are, by the names that compiled code has for them."""
-    from numba.core.runtime._nrt_python import c_helpers  # here: other versions may not have it
+    """Give the linker the addresses of Numba's memory functions, under the names that compiled code uses."""
+    from numba.core.runtime._nrt_python import c_helpers  # imported on use: other versions may lack it
 
     for name, address in c_helpers.items():
         binding.add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
 
 
 def keep_on_disk(dispatcher: Any) -> None:
-    """Have the machine code of a function kept on disk, and read from there.
+    """Keep the machine code of a function on disk, and read it from there.
 
     Args:
-        dispatcher: What `numba.njit` gives.
+        dispatcher: The result of `numba.njit`.
 
     Raises:
         RuntimeError: If there is no folder to keep it in.
     """
     dispatcher.enable_caching()
-    # Numba lets nobody choose the class. Its own is an ordinary object, which can take on another one.
+    # Numba has no option for the cache class, so change the class of the object that it created.
     if CAN_SKIP:
         dispatcher._cache.__class__ = KeptCode
