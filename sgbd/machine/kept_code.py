@@ -1,4 +1,4 @@
-"""Machine code kept on disk, read without what only compiling needs.
+"""Machine code kept on disk, read without loading what is needed only to compile.
 
 Before Numba reads the first function from disk, it prepares to compile: it imports everything it can translate,
 including `scipy.linalg`, and compiles its own reference-counting functions, which loads LLVM's optimiser and code

@@ -1,4 +1,4 @@
-"""The interface of a partition: what it is given and what it returns."""
+"""The interface of partitioners, with checks of their input and helpers for their result."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from sgbd.superpixels.connect import connected_regions, intersect, merge_fragmen
 PIXELS, TOP, BOTTOM, LEFT, RIGHT = range(5)
 
 PIXELS_A_PIECE, FEW_PIECES = 16, 1024
-"""Initial capacity: one piece per so many pixels, and at least this many pieces. It grows if there are more pieces."""
+"""Initial capacity: one piece per `PIXELS_A_PIECE` pixels, but at least `FEW_PIECES`; it grows if there are more."""
 
 
 def connected_superpixels(first: npt.NDArray[np.int32], second: npt.NDArray[np.int32], min_size: int) -> LabelMap:

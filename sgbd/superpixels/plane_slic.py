@@ -25,17 +25,17 @@ SPECK = 8
 
 
 class PlaneSlic:
-    """One over-segmentation by colour, position and surface: fine at first, then merged where nothing is lost.
+    """One over-segmentation by colour, position and surface: fine at first, then merged if next to nothing is lost.
 
     Colour and depth are clustered together: a centre is a mean colour, a position and a plane in space (see
     `slanted_planes`). The connected pieces of the clusters are then merged, most similar first (see `region_merging`),
-    as long as a merge costs next to nothing. So a table or a wall becomes a few superpixels, and clutter gets many.
+    as long as the squared error hardly rises. So a table or a wall becomes a few superpixels, and clutter gets many.
     Pixels with missing depth are compared by colour and position alone. Intrinsics are not needed.
 
     The result does not depend on the number of threads. Without Numba, scikit-image's SLIC is used instead.
 
     Args:
-        n_segments: Maximum number of superpixels; even scenes get fewer.
+        n_segments: Maximum number of superpixels; scenes of large uniform surfaces get fewer.
         tolerance: Two regions are merged if this raises the squared error of their pixels by at most this much, even
             when there are no more than `n_segments` regions. Colour errors are in units of `compactness`, depth errors
             in units of `depth_noise`. With 0, merging stops at `n_segments`.

@@ -232,6 +232,7 @@ def _merge(  # type: ignore[no-untyped-def]
         keep, gone = np.int64(ends[2 * edge]), np.int64(ends[2 * edge + 1])
         only_fragments = only_fragments or (left <= n_segments and costs[edge] > tolerance)
         waiting = _remove(heap, places, costs, waiting, edge)
+        # Regions only grow, so an edge between two that are large enough is never needed again.
         if only_fragments and sums[keep, 0] >= min_size and sums[gone, 0] >= min_size:
             continue
         unlink(half_edges, keep, 2 * edge)
@@ -324,7 +325,7 @@ def _remove(heap, places, costs, waiting, edge):  # type: ignore[no-untyped-def]
     """Take an edge out of the heap, and return how many are left."""
     place = places[edge]
     waiting -= 1
-    # The last edge of the heap fills the gap, then moves to where its cost belongs.
+    # The last edge of the heap fills the gap, then moves up or down to restore the heap order.
     moved = heap[waiting]
     places[edge] = -1
     if place < waiting:

@@ -32,7 +32,7 @@ DISPARITY, ROW, COLUMN = 3, 4, 5
 """Rows of `values`: L, a, b in 0 to 2, then the inverse depth (0 = missing), and the position in pixels."""
 
 PLANES = 4
-"""The first so many rows of `values` come from images, the `planes`: L, a, b and inverse depth."""
+"""Number of rows of `values` that come from images, the `planes`: L, a, b and inverse depth, the first rows."""
 
 # Columns of `forms`: the coefficients of L, a, b and of the position in 0 to 4, the constant, the plane (A, B, C), the
 # weight of the distance to the plane (0 for a centre without one), and what is added for a pixel with depth.
