@@ -1,4 +1,4 @@
-"""The recipe of prepared graphs: everything they depend on except the contents of the frames, as JSON with its hash."""
+"""The recipe of prepared graphs: everything they depend on except the contents of the frames, as JSON with a hash."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ from sgbd.own_columns import own_columns
 from sgbd.sources.source import FrameSource
 
 VERSIONED_PACKAGES = ("pillow", "scikit-image")
-"""Packages whose results change between minor versions: the decoding of JPEG files, SLIC."""
+"""Packages whose results change between minor versions: Pillow decodes JPEG files, scikit-image provides SLIC."""
 
 Recipe = dict[str, Any]
 
 
 class RecipeError(ValueError):
-    """A component that cannot be written down in a recipe; the message says what it needs."""
+    """A component cannot be recorded in a recipe; the message says what it needs."""
 
 
 def graph_recipe(source: FrameSource, superpixels: object, graph: object) -> Recipe:
-    """Return everything that the graphs of a dataset depend on apart from its split and the contents of its files.
+    """Return everything that the graphs of a dataset depend on, except the split and the contents of the files.
 
     Args:
         source: The frames of any split of the dataset.
-        superpixels: Frame to label map.
-        graph: Frame and label map to graph.
+        superpixels: Maps a frame to a label map.
+        graph: Maps a frame and a label map to a graph.
 
     Returns:
-        JSON values: the dataset, the configurations of both components (with which `hydra.utils.instantiate` makes them
-        again), the feature groups and their columns, a digest of the code that makes the graphs, versions of packages,
-        and the version of the format.
+        JSON values: the dataset, the configurations of both components (from which `hydra.utils.instantiate` recreates
+        them), the feature groups and their columns, a digest of the code that builds the graphs, versions of packages,
+        and the format version.
 
     Raises:
         RecipeError: If a component cannot be described.
@@ -68,36 +68,36 @@ def graph_recipe(source: FrameSource, superpixels: object, graph: object) -> Rec
         **own_columns(graph),
         "code": code_digest([type(source).__module__, *_modules([components, options])]),
         "versions": {package: _minor_version(package) for package in VERSIONED_PACKAGES},
-        # Without Numba, scikit-image's SLIC stands in for the compiled one.
+        # Without Numba, scikit-image's SLIC replaces the compiled one.
         "compiled": HAS_NUMBA,
     }
 
 
 def recipe_hash(recipe: Recipe) -> str:
-    """Return a digest of a recipe: 64 hexadecimal digits, equal for equal recipes whatever the order of their keys."""
+    """Return a digest of a recipe: 64 hexadecimal digits, independent of the order of keys."""
     return hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()
 
 
 def folder_name(recipe: Recipe) -> str:
-    """Return the name of the folder for the graphs of a recipe: the dataset's name and ten digits of the hash."""
+    """Return the folder name for the graphs of a recipe: the dataset's name and ten digits of the hash."""
     return f"{recipe['dataset']['name']}-{recipe_hash(recipe)[:10]}"
 
 
 def describe(component: object, label: str = "component") -> Any:
-    """Write down a component as the configuration that `hydra.utils.instantiate` makes it from, defaults included.
+    """Return the configuration from which `hydra.utils.instantiate` recreates a component, including default values.
 
-    A function, class or `functools.partial` becomes a partial; an object becomes its class with the arguments of its
-    constructor, which it must keep under their own names (scikit-learn's rule for estimators, and that of dataclasses).
+    A function, class or `functools.partial` becomes a partial. An object becomes its class with the arguments of its
+    constructor, which it must store as attributes of the same names (like dataclasses and scikit-learn's estimators).
 
     Args:
-        component: What to describe.
-        label: What to call it in errors.
+        component: The component to describe.
+        label: Name of the component in error messages.
 
     Returns:
         JSON values.
 
     Raises:
-        RecipeError: If it is a lambda or another local function, or does not keep an argument.
+        RecipeError: If the component is a lambda or another local function, or does not store an argument.
     """
     if isinstance(component, functools.partial):
         target = inspect.unwrap(component.func)
@@ -132,9 +132,9 @@ def describe(component: object, label: str = "component") -> Any:
 
 
 def code_digest(modules: Iterable[str]) -> str:
-    """Return a digest of the code of modules and of all that they import, at their top level, from their own package.
+    """Return a digest of the code of modules and of what they import, at top level, from their own package.
 
-    Comments, docstrings and layout don't count.
+    Comments, docstrings and layout do not affect it.
 
     Args:
         modules: Names of imported modules.
@@ -143,7 +143,7 @@ def code_digest(modules: Iterable[str]) -> str:
         16 hexadecimal digits.
 
     Raises:
-        RecipeError: For the main module of an interactive session, which has no file.
+        RecipeError: If a module is the main module of an interactive session, which has no file.
     """
     waiting, digests = list(modules), {}
     while waiting:
@@ -154,7 +154,7 @@ def code_digest(modules: Iterable[str]) -> str:
     return hashlib.sha256(json.dumps(digests, sort_keys=True).encode()).hexdigest()[:16]
 
 
-@functools.cache  # a process goes on running the code it has loaded, whatever becomes of the files
+@functools.cache  # a process keeps running the code that it has loaded, even if the files change
 def _digest_and_imports(name: str) -> tuple[str, tuple[str, ...]]:
     path = getattr(sys.modules.get(name) or importlib.import_module(name), "__file__", None)
     if path is None:
@@ -189,7 +189,7 @@ def _imports_from_own_package(tree: ast.Module, name: str, is_package: bool) -> 
 
 
 def _home(module: str, name: str) -> str:
-    """Return the module that defines what `from module import name` imports: a package only passes it on."""
+    """Return the module that defines what `from module import name` imports, as packages re-export names."""
     if f"{module}.{name}" in sys.modules:
         return f"{module}.{name}"
     home = getattr(getattr(sys.modules.get(module), name, None), "__module__", None)
@@ -246,7 +246,7 @@ def _target(target: Any, label: str) -> str:
 
 
 def _plain(value: Any, label: str) -> Any:
-    """Turn an argument into JSON values."""
+    """Convert an argument to JSON values."""
     if value is None or isinstance(value, bool | int | str):
         return value.value if isinstance(value, enum.Enum) else value
     if isinstance(value, float):
@@ -275,7 +275,7 @@ def _modules(description: Any) -> Iterator[str]:
     if isinstance(description, Mapping):
         if "_target_" in description:
             name = description["_target_"].rpartition(".")[0]
-            # A nested class or function: its module is further up.
+            # For a nested class or function, the module is further up.
             while name not in sys.modules and "." in name:
                 name = name.rpartition(".")[0]
             yield name

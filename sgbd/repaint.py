@@ -1,4 +1,4 @@
-"""Relabelled label maps: superpixels as regions, segments or instances in the image."""
+"""Relabelling of label maps, for example from superpixels to segments or instances."""
 
 from __future__ import annotations
 
@@ -17,14 +17,17 @@ if TYPE_CHECKING:
 
 
 def repaint(label_map: LabelMap, names: npt.NDArray[np.integer]) -> LabelMap:
-    """Give every pixel the new id of its label.
+    """Replace every id of a label map by a new id.
 
     Args:
         label_map: int32 [H, W], ids 0..N-1.
-        names: int [N], the new id of each.
+        names: int [N], the new id of each old id.
 
     Returns:
         int32 [H, W].
+
+    Raises:
+        IndexError: If the label map contains an id of N or more.
     """
     new: npt.NDArray[np.int32] = np.ascontiguousarray(names, np.int32)
     if label_map.size and int(label_map.max()) >= len(new):
@@ -38,7 +41,7 @@ def repaint(label_map: LabelMap, names: npt.NDArray[np.integer]) -> LabelMap:
 
 
 def node_map(label_map: LabelMap, data: Data | GraphTensors) -> LabelMap:
-    """Return the map of a graph's nodes.
+    """Return the label map of a graph's nodes.
 
     Args:
         label_map: int32 [H, W], the superpixels that the graph was built from.

@@ -1,4 +1,4 @@
-"""python -m sgbd.report: all results of a run or a sweep on one page, to read and to share."""
+"""python -m sgbd.report: collect all results of a run or a sweep on one page."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ TAKES_A_VALUE = (
     "--config-dir",
     "-cd",
 )
-"""Hydra's options whose value stands in the next argument."""
+"""Hydra's options whose value is the next argument."""
 
 
 @entry_point("report")
 def _report(config: DictConfig) -> None:
-    """Read the results, write the page and say where it is."""
+    """Read the results, write the page and print its path."""
     if config.frame_rows < 1 or config.megabytes < 0:
         raise ConfigurationError(
             f"frame_rows must be at least 1 and megabytes at least 0; got {config.frame_rows} and {config.megabytes}"
@@ -47,14 +47,14 @@ def _report(config: DictConfig) -> None:
 
 
 def with_folder(arguments: Sequence[str]) -> list[str]:
-    """Let the folder be given without its key.
+    """Convert a folder without a key among the command-line arguments to an override of `folder`.
 
     Args:
-        arguments: Of the command line.
+        arguments: The command-line arguments.
 
     Returns:
-        The arguments for Hydra, where `outputs/train/x` has become `folder='outputs/train/x'`. A folder's name may hold
-        what Hydra would take for an override, as those of sweeps do (`features=all/seed=0`).
+        The arguments for Hydra, with `outputs/train/x` replaced by `folder='outputs/train/x'`. A folder's name may look
+        like an override to Hydra, as those of sweeps do (`features=all/seed=0`).
     """
     result = []
     for place, argument in enumerate(arguments):

@@ -1,4 +1,4 @@
-"""Samplers of the superpixel pairs to train on, within a batch of graphs."""
+"""Samplers that select the superpixel pairs to train on in a batch of graphs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sgbd.graph_arrays import MERGE, UNKNOWN
 
 
 class EdgeSampler(Protocol):
-    """Anything that picks the supervised pairs of a batch."""
+    """Selects the supervised pairs of a batch."""
 
     def __call__(self, batch: Data, generator: Generator) -> Data:
         """Return a shallow copy of the batch whose `edge_label_index` and `edge_label` are the pairs to train on."""
@@ -22,26 +22,26 @@ class EdgeSampler(Protocol):
 
 
 class BalancedEdgeSampler:
-    """Draws a fixed number of labelled pairs from every graph, a fixed share of them positive (merge).
+    """Draws a fixed number of labelled pairs from every graph, a fixed fraction of them positive (merge).
 
-    The rules, for each graph on its own, exact and not on average:
+    These rules hold exactly, not only on average, for each graph:
 
     * `round(positive_share * pairs_per_graph)` pairs are positive (halves rounded up), the others negative (cut).
-    * A class is drawn without replacement, unless it holds fewer pairs than wanted; then with replacement.
-    * A graph without negatives gives positives only, and the other way round.
-    * With `positive_share=None` (natural), pairs are drawn from both classes alike, without replacement unless the
-      graph has fewer than wanted.
-    * A graph without labelled pairs gives none. Pairs labelled -1 (unknown) are never drawn.
-    * The two ends of exactly half of the drawn pairs change places (`pairs // 2`, at random), so that the model learns
-      both directions.
+    * Pairs of a class are drawn without replacement, or with replacement if the class has too few pairs.
+    * If a graph has no pairs of one class, all its pairs are drawn from the other class.
+    * With `positive_share=None`, pairs are drawn regardless of their class, without replacement unless the graph has
+      too few pairs.
+    * Nothing is drawn from a graph without labelled pairs. Pairs labelled -1 (unknown) are never drawn.
+    * The two superpixels of exactly half of the drawn pairs (`pairs // 2`, at random) are swapped, so that the model
+      learns both directions.
 
-    What is drawn are *supervised* pairs: `edge_index` and `edge_attr` stay whole, so message passing sees all edges.
-    All graphs of the batch are drawn from at once. The sampling of Örnek et al., "SupeRGB-D", IEEE RA-L 8(6), 2023,
-    https://doi.org/10.1109/LRA.2023.3271527, where a quarter positive is the best share of the four compared.
+    Only *supervised* pairs are drawn: `edge_index` and `edge_attr` stay complete, so message passing uses all edges.
+    The sampling is vectorised over all graphs of the batch. It follows Örnek et al., "SupeRGB-D", IEEE RA-L 8(6), 2023,
+    https://doi.org/10.1109/LRA.2023.3271527, where a quarter is the best of four compared fractions of positives.
 
     Args:
-        pairs_per_graph: Pairs drawn from each graph.
-        positive_share: Share of positive pairs, 0 to 1; None for pairs as they come.
+        pairs_per_graph: Number of pairs drawn from each graph.
+        positive_share: Fraction of positive pairs, 0 to 1; None to draw pairs regardless of their class.
 
     Raises:
         ValueError: If `pairs_per_graph` is not a positive integer, or `positive_share` is not in [0, 1].
@@ -78,21 +78,21 @@ class BalancedEdgeSampler:
         labels = edge_labels(batch)
         num_graphs, graph = graphs_of_pairs(batch)
         known = (labels != UNKNOWN).nonzero().squeeze(1)
-        # Class 1 is positive; with natural sampling there is but one class.
+        # Class 1 is positive. Without balancing, all pairs are in one class.
         balanced = self.positive_share is not None
         kind = (labels[known] == MERGE).long() if balanced else torch.zeros_like(known)
         group = graph[known] * 2 + kind
         size = torch.bincount(group, minlength=2 * num_graphs)
         wanted = self._wanted(size.view(num_graphs, 2)).view(-1)
 
-        # One random order of each group; a group that is large enough gives its first pairs, a short one gives pairs
-        # drawn with replacement.
+        # Shuffle each group. Take the first pairs of a group that is large enough, and draw from a smaller one with
+        # replacement.
         shuffled = known[random_order(group, generator)]
         slot_group = torch.repeat_interleave(wanted)
         slot = torch.arange(slot_group.numel()) - (wanted.cumsum(0) - wanted)[slot_group]
         slot_size = size[slot_group]
         redrawn = (torch.rand(slot.numel(), generator=generator, dtype=torch.float64) * slot_size).long()
-        # The product may round up to the size.
+        # The product may be rounded up to the size itself.
         redrawn = torch.minimum(redrawn, slot_size - 1)
         place = torch.where(wanted[slot_group] > slot_size, redrawn, slot)
         drawn = shuffled[(size.cumsum(0) - size)[slot_group] + place]
@@ -103,22 +103,22 @@ class BalancedEdgeSampler:
         return sampled
 
     def _wanted(self, size: Tensor) -> Tensor:
-        """Return int64 [G, 2]: how many pairs of each class to draw, from how many there are."""
+        """Return the number of pairs to draw from each class, int64 [G, 2], given the sizes of the classes."""
         total = self.pairs_per_graph
         positive = 0 if self.positive_share is None else int(self.positive_share * total + 0.5)
         wanted = torch.tensor([total - positive, positive]).expand_as(size)
-        # Where a class is empty the other gives everything.
+        # If a class is empty, draw all pairs from the other one.
         empty = size == 0
         wanted = torch.where(empty.flip(1), total, wanted)
         return torch.where(empty, 0, wanted)
 
 
 class AllEdges:
-    """Trains on every labelled pair of every graph once, a random half of each graph's with their ends swapped.
+    """Selects every labelled pair of every graph once; in each graph, a random half of the pairs is swapped.
 
     Args:
-        border_exponent: A pair counts as the length of its border to this power: 0 for all alike, 1 for as many votes
-            as it has in a multicut whose edges are weighted by border length.
+        border_exponent: The weight of a pair in the loss is its border length to this power: 0 for equal weights, 1 for
+            the weights of a multicut whose edges are weighted by border length.
 
     Raises:
         ValueError: If the exponent is negative or not finite.
@@ -133,10 +133,10 @@ class AllEdges:
         return f"{type(self).__name__}(border_exponent={self.border_exponent})"
 
     def __call__(self, batch: Data, generator: Generator) -> Data:
-        """Take all labelled pairs; arguments and result as `BalancedEdgeSampler`.
+        """Select all labelled pairs; arguments and result are those of `BalancedEdgeSampler`.
 
-        With a `border_exponent` the batch needs border_length float32 [E], and the result has edge_label_weight
-        float32 [P], how much each pair counts in the loss.
+        With a `border_exponent` above 0, the batch needs border_length float32 [E], and the result has
+        edge_label_weight float32 [P], the weight of each pair in the loss.
         """
         labels = edge_labels(batch)
         num_graphs, graph = graphs_of_pairs(batch)
@@ -145,13 +145,13 @@ class AllEdges:
         sampled.edge_label_index = swap_half(batch.edge_label_index[:, known], graph[known], num_graphs, generator)
         sampled.edge_label = labels[known]
         if self.border_exponent > 0:
-            # Pairs that don't touch count like one pixel of border.
+            # Pairs that do not touch get the weight of one border pixel.
             sampled.edge_label_weight = batch.border_length[known].clamp(min=1) ** self.border_exponent
         return sampled
 
 
 def edge_labels(batch: Data) -> Tensor:
-    """Return the labels of the pairs, or say that there are none."""
+    """Return the edge labels of a batch; raise a ValueError if it has none."""
     labels = batch.edge_label if "edge_label" in batch else None
     if labels is None:
         raise ValueError("these graphs have no edge_label, so nothing can be learned: the frames have no instances")
@@ -159,7 +159,7 @@ def edge_labels(batch: Data) -> Tensor:
 
 
 def graphs_of_pairs(batch: Data) -> tuple[int, Tensor]:
-    """Return the number of graphs of a batch, and int64 [E], the graph that each pair belongs to."""
+    """Return the number of graphs in a batch, and the graph of each pair, int64 [E]."""
     pairs = batch.edge_label_index
     if "batch" not in batch or batch.batch is None:
         return 1, torch.zeros(pairs.size(1), dtype=torch.int64)
@@ -167,7 +167,7 @@ def graphs_of_pairs(batch: Data) -> tuple[int, Tensor]:
 
 
 def random_order(group: Tensor, generator: Generator) -> Tensor:
-    """Return the order that sorts by group and shuffles inside each group.
+    """Return an order that sorts by group and shuffles within each group.
 
     Args:
         group: int64 [R], not negative.
@@ -176,13 +176,13 @@ def random_order(group: Tensor, generator: Generator) -> Tensor:
     Returns:
         int64 [R], positions in `group`.
     """
-    # Noise of 24 bits in float64: the sum is exact, so none of it can round up into the next group.
+    # 24-bit noise in float64: the sum is exact, so rounding cannot move a pair into the next group.
     noise = torch.rand(group.numel(), generator=generator).double()
     return torch.argsort(group + noise, stable=True)
 
 
 def swap_half(pairs: Tensor, graph: Tensor, num_graphs: int, generator: Generator) -> Tensor:
-    """Swap the two ends of a random half of every graph's pairs.
+    """Swap the two superpixels in a random half of every graph's pairs.
 
     Args:
         pairs: int64 [2, P], grouped by graph.
@@ -191,7 +191,7 @@ def swap_half(pairs: Tensor, graph: Tensor, num_graphs: int, generator: Generato
         generator: Source of randomness.
 
     Returns:
-        int64 [2, P]; of the k pairs of a graph exactly k // 2 are swapped.
+        int64 [2, P]; exactly k // 2 of the k pairs of a graph are swapped.
     """
     count = torch.bincount(graph, minlength=num_graphs)
     order = random_order(graph, generator)

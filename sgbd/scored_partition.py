@@ -1,8 +1,8 @@
-"""Many partitions of one validation graph under many object rules, with nothing computed twice.
+"""Cached scores of many partitions of a validation graph under many object rules.
 
-A search over thresholds meets the same partition of a frame, and the same objects in it, again and again. Everything
-that depends on the partition alone (contingency table, areas, objectness) is stored with it, and the scores are stored
-with the set of objects.
+A search over thresholds often produces the same partition of a frame, and the same objects in it. Everything that
+depends only on the partition (contingency table, areas, objectness) is therefore stored with it, and the scores are
+stored for each set of objects.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from sgbd.segmentation import Classification, ObjectRule, mean_objectness
 
 
 class ScoredPartition:
-    """A partition of a graph with truth.
+    """A partition of a graph with ground truth.
 
     Args:
         segment: int64 [N], segment of each superpixel, 0..S-1.
         data: The graph.
-        objectness: float [N], of its superpixels; None without an objectness head.
+        objectness: float [N], objectness of each superpixel; None without an objectness head.
     """
 
     def __init__(self, segment: npt.NDArray[np.int64], data: Data, objectness: npt.NDArray[np.floating] | None) -> None:
@@ -38,14 +38,18 @@ class ScoredPartition:
         self._boundary: dict[bytes, float] = {}
 
     def objects(self, rule: ObjectRule | None) -> npt.NDArray[np.int64]:
-        """Return the objects that have a pixel of known truth, ascending; None asks the truth (`all`)."""
+        """Return the segments that are objects, ascending, except those with ignored pixels only.
+
+        Args:
+            rule: Decides which segments are objects; None lets the ground truth decide (protocol `all`).
+        """
         if rule is None:
             return objects_by_majority(self.table)
         known = self.table.segments
         return known[rule.accepts(self.objectness[known], self.area[known])]
 
     def overlap(self, objects: npt.NDArray[np.int64]) -> tuple[float, float]:
-        """Return overlap F and F@.75 of some of the segments, taken for the objects."""
+        """Return overlap F and F@.75 if the given segments are the predicted objects."""
         key = objects.tobytes()
         if key not in self._overlap:
             scores = overlap_scores(self.table, match_objects(self.table, objects))
@@ -55,7 +59,7 @@ class ScoredPartition:
     def boundary_f(
         self, objects: npt.NDArray[np.int64], label_map: npt.NDArray[np.integer], truth: npt.NDArray[np.integer]
     ) -> float:
-        """Return boundary F of some of the segments; maps as `ScoredGraph.maps` gives them."""
+        """Return boundary F if the given segments are the predicted objects; for the maps see `ScoredGraph.maps`."""
         key = objects.tobytes()
         if key not in self._boundary:
             matching = match_objects(self.table, objects)
@@ -64,11 +68,11 @@ class ScoredPartition:
 
 
 class ScoredGraph:
-    """A classified graph with truth, and the partitions of it that have been met.
+    """A classified graph with ground truth, and a cache of its partitions.
 
     Args:
         data: The graph.
-        classification: What the networks say of it.
+        classification: The outputs of the networks for it.
     """
 
     def __init__(self, data: Data, classification: Classification) -> None:
@@ -79,7 +83,7 @@ class ScoredGraph:
         self._met: dict[bytes, ScoredPartition] = {}
 
     def partition(self, partitioner: Partitioner) -> ScoredPartition:
-        """Partition the graph."""
+        """Partition the graph, or return the cached partition with the same segments."""
         known = self.classification
         segment = partitioner(
             self.data.area.numel(), self._pairs, known.edge_probability, self._length, known.objectness
@@ -90,6 +94,6 @@ class ScoredGraph:
         return self._met[key]
 
     def maps(self) -> tuple[npt.NDArray[np.integer], npt.NDArray[np.integer]]:
-        """Unpack the map of the superpixels and that of the truth, integers [H, W]."""
+        """Unpack the label map of the superpixels and the ground-truth instances, integers [H, W]."""
         height, width = self.data.image_size[0].tolist()
         return unpack(self.data.label_map, (height, width)), unpack(self.data.truth_map, (height, width))

@@ -12,7 +12,7 @@ from sgbd.sources.tod import Tod
 
 @entry_point("semantic_masks")
 def main(config: DictConfig) -> None:
-    """Write the masks of some splits and print what was done."""
+    """Write the masks of the chosen splits and print a summary."""
     workers = count_workers(config.workers)
     for split in config.splits or splits_of(frame_source(config.dataset, workers)):
         source = frame_source(config.dataset, workers, split)

@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 
 @entry_point("train")
 def main(config: DictConfig) -> float | NotRun | None:
-    """Train once, or find the result of the same training, and say how it went."""
+    """Train, or find the result of an identical earlier training, and print the scores."""
     folder = output_folder()
     try:
         result = run_once(folder, config, run_experiment)

@@ -18,7 +18,7 @@ from sgbd.tuning import TUNING_FILE
 
 @entry_point("tune")
 def main(config: DictConfig) -> None:
-    """Prepare validation frames with the checkpoint's recipe, tune on them, and write another checkpoint."""
+    """Prepare validation frames with the checkpoint's recipe, tune on them, and write a new checkpoint."""
     if config.tuning is None:
         raise ConfigurationError("there is nothing to try with tuning=none; use tuning=validation")
     tuning = instantiate(config.tuning)

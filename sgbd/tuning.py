@@ -1,4 +1,4 @@
-"""Thresholds chosen on validation frames: when edges merge, and when a segment is an object."""
+"""Tuning of the parameters of partitioner and object rule on validation frames."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from sgbd.segmentation import ObjectRule, classify
 log = logging.getLogger(__name__)
 
 TUNING_FILE = "tuning.csv"
-"""Name of the table of all settings tried, in the folder of a training."""
+"""File name, in the folder of a training, of the table of all evaluated settings."""
 
 OVERLAP_SCORES = ("overlap_f", "f75")
 SCORES = (*OVERLAP_SCORES, "boundary_f")
@@ -39,15 +39,15 @@ MakeRule = Callable[[Mapping[str, Any]], ObjectRule]
 
 @dataclass(frozen=True, eq=False)
 class TuningResult:
-    """What a search has found.
+    """The result of a search.
 
     Attributes:
-        partition: The best partitioner's configuration.
-        objects: The best rule's configuration.
-        summary: For the recipe of a checkpoint: protocol, scores that were averaged, frames, and the mean before and
-            after.
-        calibration: Configuration of the scores' calibration; None if it was not asked for or cannot be learned.
-        table: One row for each setting tried, the best first; those without `boundary_f` were no finalists.
+        partition: Configuration of the best partitioner.
+        objects: Configuration of the best object rule.
+        summary: Summary for the recipe of a checkpoint: protocol, averaged scores, number of frames, and the mean score
+            before and after tuning.
+        calibration: Configuration of the score calibration; None if it was not requested or could not be fitted.
+        table: One row per evaluated setting, the best first. Only finalists have a `boundary_f`.
     """
 
     partition: dict[str, Any]
@@ -58,9 +58,9 @@ class TuningResult:
 
     @property
     def sections(self) -> dict[str, Any]:
-        """What takes the place of the same sections in the recipe of a checkpoint.
+        """The sections to replace in the recipe of a checkpoint.
 
-        The calibration among them also if it is None: an earlier one was learned with other thresholds.
+        They include the calibration even if it is None, because an earlier one was fitted with other thresholds.
         """
         return {
             "partition": self.partition,
@@ -72,27 +72,27 @@ class TuningResult:
 
 @dataclass(frozen=True)
 class Tuning:
-    """A search over the parameters of the partitioner and of the rule of what an object is.
+    """A search over the parameters of the partitioner and of the object rule.
 
-    It maximises the mean of overlap F, F@.75 and boundary F on the validation frames: of the model's own objects
-    (`unaided`) if it has an objectness head, else of the merging alone (`all`), where no rule plays a part.
+    It maximises the mean of overlap F, F@.75 and boundary F on the validation frames. With an objectness head, the
+    protocol is `unaided`; without one it is `all`, which needs no object rule.
 
-    First every combination of the given values is tried, then, round by round, values half-way between the best one and
-    those tried on either side of it. All this without contours, which take most of the time; with them the finalists
-    are compared, among them the setting that the search started from, so that the result is never worse than that on
-    these frames. Each graph goes through the networks once, and each partition of it is judged once, whatever the
-    number of rules. Nothing is drawn at random.
+    The search first evaluates all combinations of the given values. Each of the following rounds evaluates values
+    half-way between the best value and its neighbours among the values tried. These steps do not score contours, which
+    would take most of the time. Finally the finalists are compared with contours. The initial setting is one of them,
+    so on these frames the result is never worse. The networks process each graph once, and each partition is scored
+    once, whatever the number of rules. The search is deterministic.
 
     Attributes:
-        threshold: Of the partitioner: merge probabilities.
-        border_weight: Of the partitioner.
-        objectness_weight: Of the partitioner; only with an objectness head.
-        min_objectness: Of the rule; only with an objectness head.
-        min_area: Of the rule, pixels; only with an objectness head.
-        rounds: Rounds of refinement of all that are numbers.
-        finalists: How many settings are compared with contours.
-        calibrate: Whether to learn, with the settings found, what makes scores probabilities; only with an objectness
-            head. See `sgbd.calibration`.
+        threshold: Merge probabilities to try as the partitioner's threshold.
+        border_weight: Values to try for the partitioner.
+        objectness_weight: Values to try for the partitioner; only with an objectness head.
+        min_objectness: Values to try for the object rule; only with an objectness head.
+        min_area: Values to try for the object rule, pixels; only with an objectness head.
+        rounds: Rounds of refinement of all numeric parameters.
+        finalists: Number of settings that are compared with contours, besides the initial one.
+        calibrate: Whether to calibrate the scores with the best setting; only with an objectness head. See
+            `sgbd.calibration`.
     """
 
     threshold: Sequence[float] = (0.1, 0.3, 0.5, 0.7, 0.9)
@@ -105,10 +105,10 @@ class Tuning:
     calibrate: bool = True
 
     def __post_init__(self) -> None:
-        """Check the numbers.
+        """Validate the parameters.
 
         Raises:
-            ValueError: If there is nothing to try.
+            ValueError: If a parameter has no values to try, or a number is out of range.
         """
         for name in (*PARTITION_PARAMETERS, *RULE_PARAMETERS):
             values = getattr(self, name)
@@ -129,22 +129,22 @@ class Tuning:
         objects: Mapping[str, Any],
         trust: Sequence[str] = (),
     ) -> TuningResult:
-        """Search.
+        """Search for the best parameters.
 
         Args:
-            graphs: Validation graphs with truth and packed maps.
+            graphs: Validation graphs with ground truth and packed maps.
             model: The edge model, in evaluation mode.
-            objectness: The objectness head, if there is one, in evaluation mode.
-            partition: The partitioner's configuration, from which the search starts. Of its parameters those are
-                searched that its class has under the names above; the others stay.
-            objects: The rule's configuration, of which the same holds.
-            trust: Packages beside `sgbd` whose classes the configurations may name.
+            objectness: The objectness head in evaluation mode, or None.
+            partition: Configuration of the partitioner with the initial values. Those of the parameters above that its
+                class has are tuned; all others stay.
+            objects: Configuration of the object rule with the initial values; tuned in the same way.
+            trust: Names of packages besides `sgbd` whose classes the configurations may name.
 
         Returns:
-            The best configurations and the table of all that were tried.
+            The best configurations and the table of all evaluated settings.
 
         Raises:
-            ValueError: If there are no graphs, or one has no truth.
+            ValueError: If there are no graphs, or one has no ground truth.
         """
         classified = _classified(graphs, model, objectness)
 
@@ -199,12 +199,12 @@ class Tuning:
                 tried[name] |= {*values[name]}
             search.score(_combinations(values))
         finalists = search.best(self.finalists)
-        # The start comes first: another setting wins only if it is better.
+        # The initial setting comes first, so another one is chosen only if it is better.
         return search.final([start, *(setting for setting in finalists if setting != start)])
 
 
 def _classified(graphs: Iterable[Data], model: nn.Module, objectness: nn.Module | None) -> list[ScoredGraph]:
-    """Run the networks on every graph, once; all need truth."""
+    """Run the networks once on every graph; each must have ground truth."""
     classified = []
     with torch_threads(1):
         for data in graphs:
@@ -217,12 +217,12 @@ def _classified(graphs: Iterable[Data], model: nn.Module, objectness: nn.Module 
 
 
 class _Search:
-    """Settings tried so far, with their scores.
+    """The settings evaluated so far, with their scores.
 
     Args:
         graphs: Validation graphs.
-        partitioner: Makes the partitioner of a setting.
-        rule: Makes the rule of a setting; None to ask the truth what an object is.
+        partitioner: Returns the partitioner of a setting.
+        rule: Returns the object rule of a setting; None lets the ground truth decide what an object is.
     """
 
     def __init__(self, graphs: Sequence[ScoredGraph], partitioner: MakePartitioner, rule: MakeRule | None) -> None:
@@ -234,7 +234,7 @@ class _Search:
         self.tried: dict[tuple[Any, ...], dict[str, float]] = {}
 
     def score(self, settings: Iterable[Setting]) -> None:
-        """Score settings without contours; those that share a partition need it once."""
+        """Score settings without contours; settings with the same partition parameters share the partitions."""
         by_partition: dict[tuple[Any, ...], list[Setting]] = {}
         for setting in settings:
             if _key(setting) not in self.tried:
@@ -252,7 +252,7 @@ class _Search:
                 self.tried[_key(setting)] = dict(zip(OVERLAP_SCORES, means.tolist(), strict=True))
 
     def final(self, settings: Sequence[Setting]) -> Setting:
-        """Score settings with contours too, and return the best; of equal ones the first."""
+        """Score settings with contours too, and return the best; the first one if several are equal."""
         finalists = [(self.partitioner(setting), self._rule(setting)) for setting in settings]
         rows = []
         for graph in self.graphs:
@@ -264,12 +264,12 @@ class _Search:
         return max(settings, key=lambda setting: _mean(self.tried[_key(setting)]))
 
     def best(self, count: int) -> list[Setting]:
-        """Return the settings with the best scores without contours, the best first; of equal ones the first tried."""
+        """Return the settings with the best scores without contours, best first; ties keep the order of evaluation."""
         order = sorted(self.settings, key=lambda setting: -_mean(self.tried[_key(setting)], OVERLAP_SCORES))
         return order[:count]
 
     def table(self, names: Sequence[str]) -> pd.DataFrame:
-        """Return all settings with their scores, finalists first, the best on top."""
+        """Return all settings with their scores: first the finalists, then the others, each best first."""
         rows = [{**setting, **self.tried[_key(setting)]} for setting in self.settings]
         frame = pd.DataFrame(rows, columns=[*names, *SCORES])
         frame["mean"] = frame[list(SCORES)].mean(axis=1, skipna=False)
@@ -277,7 +277,7 @@ class _Search:
         return frame.sort_values(["mean", "mean_without_contours"], ascending=False, kind="stable", ignore_index=True)
 
     def calibration(self, setting: Setting) -> dict[str, Any] | None:
-        """Learn from the objects of a setting how likely each is right; None if there is nothing to learn."""
+        """Fit the score calibration on the objects of a setting; return its configuration, or None if impossible."""
         features, right = [], []
         partitioner, rule = self.partitioner(setting), self._rule(setting)
         for graph in self.graphs:
@@ -290,7 +290,7 @@ class _Search:
                 data.border_length.numpy(),
                 known.objectness,
             )
-            # Without those that have no pixel of known truth: nobody can say whether they are right.
+            # Objects with ignored pixels only are left out, because it is unknown whether they are right.
             judged = found.objects(rule)
             features.append(columns[judged])
             right.append(right_segments(found.table, len(found.area))[judged])
@@ -323,7 +323,7 @@ def _combinations(values: Mapping[str, Sequence[Any]]) -> list[Setting]:
 
 
 def _around(best: Any, tried: Iterable[Any]) -> list[Any]:
-    """Return the best value of a parameter and, if it is a number, those half-way to its neighbours among the tried."""
+    """Return the best value of a parameter and, if numeric, the midpoints to its neighbours among those tried."""
     if isinstance(best, str):
         return [best]
     below = [value for value in tried if value < best]
