@@ -1,7 +1,7 @@
-"""What goes wrong in a training."""
+"""The error of a training that cannot start or continue."""
 
 from __future__ import annotations
 
 
 class TrainingError(RuntimeError):
-    """A training that cannot start or go on; the message says why and what to do."""
+    """A training cannot start or continue; the message says why and what to do."""

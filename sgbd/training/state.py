@@ -1,4 +1,4 @@
-"""The file that an interrupted training goes on from."""
+"""The state file from which an interrupted training resumes."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from sgbd.training.error import TrainingError
 
 STATE_FILE = "state.pt"
 STATE_VERSION = 1
-"""Version of the file's format; a training goes on from this one only."""
+"""Version of the file format; trainings resume only from files of this version."""
 
 
 def write_state(path: Path, state: dict[str, Any]) -> None:
-    """Write a state, which has `version` and `identity` among its keys; an earlier file stays until all is written."""
+    """Write a state, whose keys include `version` and `identity`, atomically."""
     content = io.BytesIO()
     torch.save(state, content)
     write_whole(path, content.getvalue())
@@ -30,13 +30,13 @@ def read_state(path: Path, identity: Mapping[str, str]) -> dict[str, Any] | None
 
     Args:
         path: The file.
-        identity: What decides on the result of the training that asks, by name.
+        identity: Everything, by name, that determines the result of the current training.
 
     Returns:
         The state, on the CPU; None if there is no file.
 
     Raises:
-        TrainingError: If the file is damaged, of another version, or of a training that differs in its identity.
+        TrainingError: If the file is damaged, has another version, or belongs to a training with another identity.
     """
     if not path.exists():
         return None
@@ -63,7 +63,7 @@ def read_state(path: Path, identity: Mapping[str, str]) -> dict[str, Any] | None
 
 
 def how_to_go_on(path: Path, epochs: int) -> str:
-    """Tell somebody who interrupted a training of so many epochs what is kept, and how to go on."""
+    """Return a message for the user who interrupted a training: what is kept, and how to resume."""
     if not path.exists():
         return "No epoch was finished, so it will begin anew."
     done = torch.load(path, map_location="cpu", weights_only=True)["epoch"]

@@ -1,4 +1,4 @@
-"""One pass over the training graphs before the first epoch: the scale of their features, and which have labels."""
+"""One pass over the training graphs before the first epoch: feature moments, and which graphs have labels."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from sgbd.training.error import TrainingError
 log = logging.getLogger(__name__)
 
 SURVEY_BATCH = 32
-"""Graphs that are looked at together."""
+"""Number of graphs that are processed together."""
 
 
 @dataclass(frozen=True)
 class Survey:
-    """What one pass over the training graphs found.
+    """Statistics of the training graphs.
 
     Attributes:
-        usable: int64 [U], the graphs that have a labelled pair.
+        usable: int64 [U], indices of the graphs with at least one labelled pair.
         nodes: Moments of the node features.
         edges: Moments of the edge features.
-        merges: Pairs labelled 1.
-        cuts: Pairs labelled 0.
+        merges: Number of pairs labelled 1.
+        cuts: Number of pairs labelled 0.
     """
 
     usable: Tensor
@@ -43,18 +43,19 @@ class Survey:
 
 
 def survey_graphs(graphs: Sequence[Data], num_workers: int = 0, progress: bool = True) -> Survey:
-    """Go once over the training graphs: moments of all features, and which graphs have labels.
+    """Compute the moments of all features, and find the graphs that have labels.
 
     Args:
         graphs: Training graphs.
-        num_workers: Processes that read graphs ahead.
+        num_workers: Number of processes that read graphs ahead.
         progress: Whether to show a progress bar.
 
     Returns:
-        What was found.
+        The statistics.
 
     Raises:
-        TrainingError: If a graph has no labels field or features that are not finite, or no graph a labelled pair.
+        TrainingError: If a graph has no field `edge_label`, if features are not finite, or if no graph has a labelled
+            pair.
     """
     nodes = edges = None
     usable, merges, cuts, start = [], 0, 0, 0
@@ -85,7 +86,7 @@ def survey_graphs(graphs: Sequence[Data], num_workers: int = 0, progress: bool =
 
 
 def _check_labels(survey: Survey, graphs: int) -> None:
-    """Refuse graphs without any labelled pair, and warn of labels that say little."""
+    """Reject a training set without any labelled pair; warn if some graphs, or one of the classes, have none."""
     if survey.usable.numel() == 0:
         raise TrainingError(
             f"none of the {graphs} training graphs has a labelled pair of superpixels: every frame is one superpixel "
@@ -104,7 +105,7 @@ def _check_labels(survey: Survey, graphs: int) -> None:
 
 
 def _not_finite(graphs: Sequence[Data], field: str, start: int) -> str:
-    """Say which graph, from number `start` on, has a value in a field that is not finite, and in which columns."""
+    """Return a message that names the first graph, from index `start` on, with non-finite values, and their columns."""
     for index in range(start, len(graphs)):
         graph = graphs[index]
         bad = (~torch.isfinite(graph[field])).any(0).nonzero().squeeze(1).tolist()

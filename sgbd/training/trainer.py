@@ -1,8 +1,8 @@
 """The training loop: an edge classifier, and an objectness head beside it, on prepared graphs.
 
-`Trainer.train` checks its input, surveys the graphs and hands the loop to Fabric, which runs `_run` in every process.
-An epoch is `_train_epoch`. What follows it, in the first process only, is `_finish_epoch`: the best checkpoint, the
-state to go on from, and the table of epochs.
+`Trainer.train` checks its input, surveys the graphs and starts Fabric, which runs `_run` in every process.
+`_train_epoch` trains one epoch. `_finish_epoch` follows in the first process only: it writes the best checkpoint, the
+state from which training resumes, and the table of epochs.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ log = logging.getLogger(__name__)
 HISTORY_FILE = "history.csv"
 
 LOSSES = ("loss", "edge_loss", "objectness_loss")
-"""The loss that is minimised and its two parts, as the history names them."""
+"""The minimised loss and its two parts, as named in the history."""
 
 IDENTIFYING_SECTIONS = ("dataset", "superpixels", "graph", "features")
-"""Sections of the recipe whose change makes another training of it."""
+"""Recipe sections that identify a training: a state with other values cannot be resumed."""
 
 Optimizer = Callable[[Iterable[nn.Parameter]], torch.optim.Optimizer]
 Scheduler = Callable[[torch.optim.Optimizer], torch.optim.lr_scheduler.LRScheduler]
@@ -62,15 +62,15 @@ DEFAULT_OPTIMIZER: Optimizer = functools.partial(torch.optim.Adam, lr=1e-3, fuse
 
 @dataclass(frozen=True)
 class TrainingResult:
-    """What came out of a training.
+    """The result of a training.
 
     Attributes:
-        history: One row an epoch: epoch, lr, loss, edge_loss, objectness_loss (means over the epoch's batches),
-            seconds, and what validation measured as val/<name>.
-        best_epoch: Epoch of the weights that were kept, counted from 1.
+        history: One row per epoch: epoch, lr, loss, edge_loss, objectness_loss (means over the epoch's batches),
+            seconds, and the validation scores as val/<name>.
+        best_epoch: Epoch of the best weights, counted from 1.
         best_score: Validation score of that epoch; None without validation.
-        checkpoint: File of the kept weights and their recipe.
-        state: File to go on from.
+        checkpoint: File of the best weights and their recipe.
+        state: File from which training resumes.
     """
 
     history: pd.DataFrame
@@ -81,7 +81,7 @@ class TrainingResult:
 
 
 class JointModel(nn.Module):
-    """Edge classifier and objectness head as one module, so that both train in one pass on any device."""
+    """Edge classifier and objectness head as one module, so that both are trained in one forward pass."""
 
     def __init__(self, model: EdgeClassifier, objectness: ObjectnessHead | None) -> None:
         super().__init__()
@@ -94,12 +94,12 @@ class JointModel(nn.Module):
 
 
 class _Learner:
-    """The networks of one process and what changes them; its state is what a training goes on from.
+    """The networks, optimiser and scheduler of one process; a training resumes from their state.
 
     Attributes:
-        module: The networks themselves.
-        joint: The same as Fabric runs them, on the device and in step with other processes.
-        optimizer: As Fabric runs it.
+        module: The networks.
+        joint: The networks wrapped by Fabric, on the device and synchronised with other processes.
+        optimizer: The optimiser wrapped by Fabric.
     """
 
     def __init__(self, trainer: Trainer, fabric: Fabric, checkpoint: Checkpoint, state: Mapping[str, Any]) -> None:
@@ -116,7 +116,7 @@ class _Learner:
 
     @property
     def rate(self) -> float:
-        """The learning rate, of the first group of parameters."""
+        """The learning rate of the first parameter group."""
         return float(self._optimizer.param_groups[0]["lr"])
 
     def end_epoch(self) -> None:
@@ -125,7 +125,7 @@ class _Learner:
             self._scheduler.step()
 
     def state(self) -> dict[str, Any]:
-        """Return what the constructor needs to go on from here, copied to the CPU."""
+        """Return the state from which the constructor resumes; the weights are copied to the CPU."""
         return {
             "joint": _copied(self.module.state_dict()),
             "optimizer": self._optimizer.state_dict(),
@@ -135,36 +135,36 @@ class _Learner:
 
 @dataclass(frozen=True)
 class Trainer:
-    """How to train: an explicit loop on Lightning Fabric, the same on a CPU, a GPU or several.
+    """The settings of a training, and an explicit training loop on Lightning Fabric for CPUs and GPUs.
 
-    Whatever is random in an epoch (order of the graphs, drawn pairs, dropout) comes from generators seeded by `seed`,
-    the epoch and the process. So the same seed gives the same weights, however many `num_workers` read graphs, and a
-    training that was killed and goes on from its last finished epoch ends with the weights of an unbroken one, to the
-    last bit. (On a GPU, as far as PyTorch's operations are deterministic there.) While a step computes, a thread draws
-    the next batch's pairs; it takes random numbers from the epoch's generator only, as samplers and augmentations must.
+    All random numbers of an epoch (order of graphs, drawn pairs, dropout) come from generators seeded by `seed`, the
+    epoch and the process. Thus a seed determines the weights, whatever `num_workers` is, and a training that is killed
+    and resumed after its last finished epoch ends with bit-identical weights (on a GPU, as far as PyTorch's operations
+    are deterministic there). While a step is computed, a thread draws the pairs of the next batch. Samplers and
+    augmentations must therefore draw random numbers only from the epoch's generator.
 
     Attributes:
-        epochs: Passes over the training graphs.
-        batch_size: Graphs in a batch, of each process.
-        seed: Fixes all randomness of training; initial weights are the caller's.
-        optimizer: Parameters to optimiser, for example `functools.partial(torch.optim.Adam, lr=1e-3)`.
-        scheduler: Optimiser to schedule, stepped after each epoch; None for a constant rate.
-        edge_loss: Merge logits, labels and weights of the drawn pairs to their loss.
-        augmentation: Changes each batch with the epoch's generator; None for graphs as they are.
-        objectness_weight: Weight of the objectness loss beside the edge loss.
-        gradient_clip_norm: Largest norm of the gradient; None for no limit.
-        patience: Stop after this many epochs without a better score; None for never.
-        monitor: Which of the validation's numbers decides on the best epoch; larger is better.
-        num_workers: Processes that read graphs ahead; 0 reads in the training process.
-        threads: CPU threads of each process's tensor operations. The matrices of a batch are so small that a second
-            thread gains little on an idle machine, and costs an order of magnitude on a busy one.
-        accelerator: `cpu`, `gpu`, `auto` or another of Fabric's.
-        devices: Number of devices, one process each.
-        strategy: Fabric's name of how they work together; `auto` is `ddp_spawn` for several devices, and all that is
-            given to `train` must be picklable. `ddp_fork` starts faster on CPUs. Either way only the training itself
-            runs in several processes, and the caller's program in one.
+        epochs: Number of passes over the training graphs.
+        batch_size: Graphs per batch of each process.
+        seed: Seed of all randomness in training; the caller initialises the weights.
+        optimizer: Maps parameters to an optimiser, for example `functools.partial(torch.optim.Adam, lr=1e-3)`.
+        scheduler: Maps the optimiser to a scheduler, stepped after each epoch; None for a constant learning rate.
+        edge_loss: Maps merge logits, labels and weights of the drawn pairs to their loss.
+        augmentation: Augments each batch with the epoch's generator; None for no augmentation.
+        objectness_weight: Weight of the objectness loss relative to the edge loss.
+        gradient_clip_norm: Maximum norm of the gradient; None for no clipping.
+        patience: Stop after this many epochs without a better score; None to train all epochs.
+        monitor: Name of the validation score that determines the best epoch; larger is better.
+        num_workers: Number of processes that read graphs ahead; 0 reads in the training process.
+        threads: CPU threads for each tensor operation in each process. The matrices of a batch are so small that a
+            second thread gains little on an idle machine, and costs an order of magnitude on a busy one.
+        accelerator: `cpu`, `gpu`, `auto` or another accelerator of Fabric.
+        devices: Number of devices, with one process each.
+        strategy: Fabric's name of the distribution strategy. `auto` is `ddp_spawn` for several devices, which requires
+            that all arguments of `train` can be pickled. `ddp_fork` starts faster on CPUs. With either, only the
+            training runs in several processes, not the calling program.
         precision: Fabric's name of the precision, such as `32-true` or `bf16-mixed`.
-        log_every: Steps between two entries of the loss in the logs.
+        log_every: Number of steps between two log entries of the loss.
         progress: Whether to show a progress bar.
     """
 
@@ -189,10 +189,10 @@ class Trainer:
     progress: bool = True
 
     def __post_init__(self) -> None:
-        """Check the numbers.
+        """Validate the settings.
 
         Raises:
-            ValueError: If one is impossible.
+            ValueError: If one is invalid.
         """
         bounds = {"epochs": 1, "batch_size": 1, "devices": 1, "threads": 1, "log_every": 1, "num_workers": 0, "seed": 0}
         for name, least in bounds.items():
@@ -229,31 +229,30 @@ class Trainer:
         validate: Validate | None = None,
         loggers: Iterable[MakeLogger] = (),
     ) -> TrainingResult:
-        """Train, or go on with a training that was interrupted.
+        """Train, or resume an interrupted training.
 
-        Files in `folder`: the best weights with their recipe (`checkpoint.safetensors`), everything needed to go on
-        (`state.pt`, written after every epoch) and the table of epochs (`history.csv`). If the state of this very
-        training is there, it goes on after its last finished epoch; if it was finished, nothing is trained.
+        Writes to `folder` the best weights with their recipe (`checkpoint.safetensors`), the state from which training
+        resumes (`state.pt`, after every epoch) and the table of epochs (`history.csv`). If `folder` contains the state
+        of this training, it resumes after the last finished epoch; a finished training is not repeated.
 
         Args:
-            model: Edge model with its initial weights; afterwards it holds the best ones, in evaluation mode.
-            graphs: Training graphs: a `SuperpixelGraphDataset`, a list of `Data`, or the like.
-            sampler: What picks the pairs to train on.
-            folder: Where to write.
-            recipe: What the checkpoint tells beside the weights; see `Checkpoint`. The scores of the best epoch are
-                added as `scores`.
-            objectness: Objectness head to train beside the model, changed like it.
-            first_stage: What made the graphs' nodes, if this is a second stage; the checkpoint takes it along.
-            validate: Gives the scores of model and head after each epoch; called in the first process only, with both
-                in evaluation mode. Without it the last epoch is the best.
-            loggers: Make loggers of Fabric's kind, called with `root_dir=folder`.
+            model: Edge model with its initial weights. On return, it has the best weights and is in evaluation mode.
+            graphs: Training graphs: a `SuperpixelGraphDataset`, a list of `Data`, or another sequence.
+            sampler: Selects the pairs to train on.
+            folder: Output folder.
+            recipe: Recipe for the checkpoint; see `Checkpoint`. The scores of the best epoch are added as `scores`.
+            objectness: Objectness head to train together with the model; modified like the model.
+            first_stage: For a second stage, the checkpoint that made the nodes of the graphs; stored in the checkpoint.
+            validate: Returns the scores of model and head after each epoch. Called in the first process only, with both
+                in evaluation mode. Without it, the last epoch counts as the best.
+            loggers: Functions that make Fabric loggers, called with `root_dir=folder`.
 
         Returns:
             History, best epoch and files.
 
         Raises:
-            TrainingError: If there is nothing to train on, features are not finite, the loss is not finite, the
-                monitored score is missing, or the state in `folder` is of another training.
+            TrainingError: If there is nothing to train on, features or loss are not finite, the monitored score is
+                missing, or the state in `folder` belongs to another training.
             KeyboardInterrupt: On Ctrl-C; finished epochs are kept.
         """
         with torch_threads(self.threads):
@@ -270,7 +269,7 @@ class Trainer:
         loggers: Iterable[MakeLogger],
     ) -> TrainingResult:
         path = folder / STATE_FILE
-        # Fails now, not after the first epoch, if the recipe cannot be written.
+        # If the recipe cannot be written, fail now and not after the first epoch.
         untrained.to_bytes()
         if len(graphs) == 0:
             raise TrainingError(
@@ -291,7 +290,7 @@ class Trainer:
             except KeyboardInterrupt:
                 log.warning("training interrupted. %s", how_to_go_on(path, self.epochs))
                 raise
-            # Other processes may have trained; the file is what they leave.
+            # If other processes trained, they leave only the file.
             state = read_state(path, identity)
             assert state is not None
         best = state["best"]
@@ -307,7 +306,7 @@ class Trainer:
     def _first_state(
         self, untrained: Checkpoint, graphs: Sequence[Data], identity: Mapping[str, str]
     ) -> dict[str, Any]:
-        """Fit the standardisation of the features to the training graphs, and return the state before epoch 1."""
+        """Fit the feature standardisation to the training graphs, and return the state before epoch 1."""
         survey = survey_graphs(graphs, self.num_workers, self.progress)
         untrained.model.standardize_nodes.fit(survey.nodes)
         untrained.model.standardize_edges.fit(survey.edges)
@@ -324,7 +323,7 @@ class Trainer:
         }
 
     def _fabric(self, loggers: list[Logger]) -> Fabric:
-        """Return Fabric on the configured devices; it fails where the machine or this build of PyTorch lacks them."""
+        """Return Fabric with the configured devices; raise if the machine or this build of PyTorch lacks them."""
         try:
             return Fabric(
                 accelerator=self.accelerator,
@@ -350,7 +349,7 @@ class Trainer:
         validate: Validate | None,
         state: dict[str, Any],
     ) -> None:
-        """Train in one process of several, or the only one; `state` is changed and written after every epoch."""
+        """Train in one of the processes; the first one updates and writes `state` after every epoch."""
         learner = _Learner(self, fabric, untrained, state)
         batches = EpochBatches(
             graphs,
@@ -398,20 +397,20 @@ class Trainer:
         epoch: int,
         bar: ProgressBar,
     ) -> dict[str, float]:
-        """Take a step for each batch, and return the epoch's mean losses over all processes by their names."""
+        """Train on every batch once, and return the epoch's mean losses over all processes, by name."""
         seed, sampling_seed = derived_seeds(self.seed, epoch, fabric.global_rank)
         torch.manual_seed(seed)
         generator = torch.Generator().manual_seed(sampling_seed)
         learner.joint.train()
         sums = torch.zeros(len(LOSSES), dtype=torch.float64)
-        # Not float64: some devices have none.
+        # Not float64, which some devices lack.
         recent = torch.zeros(len(LOSSES), device=fabric.device)
         steps = since = 0
-        # Begun here and not in the thread that goes on with it: this may fork processes.
+        # Created here, not in the thread that consumes it, because this may fork processes.
         iterator = iter(batches.epoch(epoch))
 
         def next_batch() -> Data | None:
-            """Read a batch and draw its pairs, on the CPU: they are the same on every device."""
+            """Read a batch and draw its pairs, on the CPU, so that they are the same for every device."""
             batch = next(iterator, None)
             if batch is None:
                 return None
@@ -423,7 +422,7 @@ class Trainer:
             steps, since = steps + 1, since + 1
             bar.update()
             if since == self.log_every or steps == len(batches):
-                # Reading a number waits for the device, so it is done now and then only.
+                # Reading a number waits for the device, so this is done only every `log_every` steps.
                 means = (recent / since).tolist()
                 if not all(map(math.isfinite, means)):
                     raise TrainingError(
@@ -440,7 +439,7 @@ class Trainer:
         return dict(zip(LOSSES, means_of_epoch.tolist(), strict=True))
 
     def _step(self, fabric: Fabric, learner: _Learner, drawn: Data) -> Tensor:
-        """Change the weights by the gradient of one batch; returns its losses, float32, in the order of `LOSSES`."""
+        """Take one optimiser step on a batch, and return its losses, float32 [3], in the order of `LOSSES`."""
         edge_loss, objectness_loss = self._losses(learner.joint, fabric.to_device(drawn))
         loss = edge_loss + self.objectness_weight * objectness_loss
         learner.optimizer.zero_grad()
@@ -453,7 +452,7 @@ class Trainer:
         return torch.stack([loss.detach(), edge_loss.detach(), objectness_loss.detach()])
 
     def _losses(self, joint: nn.Module, data: Data) -> tuple[Tensor, Tensor]:
-        """Return the edge loss over drawn pairs, and the mean cross-entropy over superpixels of known instance."""
+        """Return the edge loss of the drawn pairs, and the mean cross-entropy over superpixels of known instance."""
         edge_logits, node_logits = joint(data)
         if edge_logits.shape != data.edge_label.shape:
             raise TrainingError(
@@ -469,7 +468,7 @@ class Trainer:
         return edge_loss, total / known.sum().clamp(min=1)
 
     def _validate(self, networks: Checkpoint, validate: Validate | None) -> dict[str, float]:
-        """Put the networks in evaluation mode, and return their scores by name: none without validation."""
+        """Put the networks in evaluation mode, and return their scores by name; none without validation."""
         networks.model.eval()
         if networks.objectness is not None:
             networks.objectness.eval()
@@ -493,15 +492,15 @@ class Trainer:
         folder: Path,
         bar: ProgressBar,
     ) -> bool:
-        """Write the checkpoint if it is the best so far, the state and the history; says whether to stop early.
+        """Write the state, the history and, if it is the best so far, the checkpoint; return whether to stop early.
 
         Args:
             learner: The networks after the epoch.
             checkpoint: The same networks with their recipe.
-            scores: What validation gave.
-            state: The last epoch's state, with the history up to this epoch; brought up to date.
-            folder: Where to write.
-            bar: Shows a summary.
+            scores: The validation scores.
+            state: The state of the previous epoch, but with the history up to this epoch; it is updated.
+            folder: Output folder.
+            bar: The progress bar, which shows a summary.
         """
         row = state["history"][-1]
         epoch = row["epoch"]
@@ -523,9 +522,9 @@ class Trainer:
         state: dict[str, Any],
         folder: Path,
     ) -> None:
-        """Write the checkpoint if this epoch is better than all before; of equal ones the first stays."""
+        """Write the checkpoint if this epoch is better than all earlier ones; ties keep the earlier epoch."""
         score, best = scores.get(self.monitor), state["best"]
-        # Not a number, where validation has nothing to count, is worse than any number.
+        # NaN, which validation gives if there is nothing to score, is worse than any number.
         if best is not None and score is not None and not _rank(score) > _rank(best["score"]):
             return
         state["best"] = {
@@ -539,7 +538,7 @@ class Trainer:
         dataclasses.replace(checkpoint, recipe=recipe).save(folder / CHECKPOINT_FILE)
 
     def _identity(self, untrained: Checkpoint, graphs: Sequence[Data], sampler: EdgeSampler) -> dict[str, str]:
-        """Describe all that decides on a training's result, by name: only one that agrees in it may be gone on with."""
+        """Return everything that determines a training's result, by name: only if all of it agrees may it resume."""
         model, objectness, recipe = untrained.model, untrained.objectness, untrained.recipe
         optimizer = self.optimizer(JointModel(model, objectness).parameters())
         options = {key: value for key, value in optimizer.param_groups[0].items() if key != "params"}
@@ -571,7 +570,7 @@ class Trainer:
 
 
 def _described(part: object) -> str:
-    """Return what tells a part from others in another process too: without the address that Python shows."""
+    """Describe a component in the same way in every process, that is, without Python's memory address."""
     if inspect.isroutine(part):
         return f"{part.__module__}.{part.__qualname__}"
     return type(part).__qualname__ if type(part).__repr__ is object.__repr__ else repr(part)
@@ -586,7 +585,7 @@ def _copied(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
 
 
 def _log_row(fabric: Fabric, row: Mapping[str, float], step: int) -> None:
-    """Give an epoch's numbers to all loggers, and have them written at once."""
+    """Send an epoch's numbers to all loggers, and make them write at once."""
     fabric.log_dict(row, step=step)
     for logger in fabric.loggers:
         if hasattr(logger, "save"):
