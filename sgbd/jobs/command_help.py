@@ -1,4 +1,4 @@
-"""The page that --help prints: what the comments of the configuration say of each key that a command has now."""
+"""The page that --help prints: the current keys of a command, explained by the comments in the configuration."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from omegaconf import DictConfig, OmegaConf
 
 WIDTH = 100
 COLUMN = 38
-"""Where explanations begin; they begin a line below keys that are longer."""
+"""Column of the explanations; if a key is too long, its explanation begins on the next line."""
 LONGEST_VALUE = 48
 INDENT = "  "
-"""Of keys; those of an option are indented once more."""
+"""Indentation of keys; the keys of an option are indented twice."""
 
 _KEY = re.compile(r"(?P<indent> *)(?P<key>[A-Za-z_]\w*):(?= |$)(?P<value>.*?)(?: +# +(?P<beside>.*))?$")
 _PACKAGE = "# @package"
@@ -24,13 +24,14 @@ _USAGE = re.compile(r"# {3}(?:\w+: )?python -m sgbd\.(?P<command>\w+)")
 
 
 def explained_keys(text: str) -> tuple[str, dict[str, str]]:
-    """Collect the comments of a YAML file: above a key, or beside it.
+    """Collect the comments above and beside the keys of a YAML file.
 
     Args:
-        text: Of the file. Comments at its top tell what the file is for, without examples of commands.
+        text: Content of the file.
 
     Returns:
-        What the file is for, and what is said of each key by its full name.
+        The purpose of the file, from the comments at its top without examples of commands; and the explanation of each
+        key, by its full name.
     """
     lines = [line for line in text.splitlines() if not line.startswith(_PACKAGE)]
     top = next((place for place, line in enumerate(lines) if not line.startswith("#")), len(lines))
@@ -56,10 +57,10 @@ def command_help(config: DictConfig) -> str:
     """Describe the keys of a command, its groups and their options.
 
     Args:
-        config: As composed for the command, with the node `hydra`.
+        config: The composed configuration of the command, with the node `hydra`.
 
     Returns:
-        Lines of at most `WIDTH` characters, as far as names allow it; `$` is doubled, for `string.Template`.
+        Lines of at most `WIDTH` characters, unless names are longer; `$` is doubled for `string.Template`.
     """
     hydra = config.hydra
     folders = [Path(source.path) for source in hydra.runtime.config_sources if source.schema == "file"]
@@ -101,7 +102,10 @@ def command_help(config: DictConfig) -> str:
 
 
 def _choices(choices: Mapping[str, Any], values: Mapping[str, Any], folders: Sequence[Path]) -> dict[str, list[str]]:
-    """Return the chosen options of each group, in the order of the configuration; Hydra leaves out lists of options."""
+    """Return the chosen options of each group, in the order of the configuration.
+
+    Hydra's choices lack groups with lists of options, so these are found by the keys of the configuration.
+    """
     found = {group: sorted(value or ()) for group, value in values.items() if _options(folders, group)}
     for choice, option in choices.items():
         if not choice.startswith("hydra/"):
@@ -110,15 +114,17 @@ def _choices(choices: Mapping[str, Any], values: Mapping[str, Any], folders: Seq
 
 
 def explained_option(folders: Sequence[Path], group: str, option: str) -> tuple[str, dict[str, str]]:
-    """Return what is said of an option and of its keys: there, in what it is based on, or in another of its class.
+    """Return the explanations of an option and of its keys.
+
+    Keys are explained in the file of the option, of an option it is based on, or of another option with its class.
 
     Args:
-        folders: Where configurations are looked for.
+        folders: Folders with configurations.
         group: The option's group.
         option: Its name.
 
     Returns:
-        What the option is, and what is said of each key by its name below the group.
+        The purpose of the option, and the explanation of each key by its name within the group.
     """
     name = f"{group}/{option}.yaml"
     purpose, explained = _read(folders, name)
@@ -147,22 +153,22 @@ def _options(folders: Sequence[Path], group: str) -> list[str]:
 
 
 def _experiments(folders: Sequence[Path], command: str) -> list[str]:
-    """Return the experiments that are examples of a command."""
+    """Return the experiments that are made for a command."""
     files = {path.stem: path for folder in folders for path in (folder / "experiment").glob("*.yaml")}
     examples = {name: _USAGE.search(path.read_text()) for name, path in sorted(files.items())}
     return [name for name, example in examples.items() if example is not None and example["command"] == command]
 
 
 def rows(values: Mapping[str, Any], prefix: str, explained: Mapping[str, str]) -> Iterator[str]:
-    """Generate the lines of keys and what is said of them.
+    """Generate the lines that show keys and their explanations.
 
     Args:
-        values: Of a configuration, or of a part of it.
-        prefix: What full names of these keys begin with.
-        explained: What is said of keys, by their full names.
+        values: Values of a configuration or of a part of it, by key.
+        prefix: Prefix of the full names of these keys.
+        explained: Explanations of keys, by full name.
 
     Yields:
-        One line or more a key; mappings whose keys are explained are gone through, others shown as a value.
+        One or more lines per key. Mappings with explained keys are shown key by key, others as one value.
     """
     for key, value in values.items():
         name = f"{prefix}{key}"
@@ -177,7 +183,7 @@ def rows(values: Mapping[str, Any], prefix: str, explained: Mapping[str, str]) -
 
 
 def _row(key: str, told: str) -> list[str]:
-    """Return the lines of a key and what is said of it, the latter in a column of its own."""
+    """Return the lines of a key, with its explanation in a separate column."""
     lines = textwrap.wrap(told, WIDTH - COLUMN - len(INDENT), break_long_words=False, break_on_hyphens=False)
     left = INDENT + key
     if not lines or len(left) > COLUMN - 2:
@@ -186,7 +192,7 @@ def _row(key: str, told: str) -> list[str]:
 
 
 def _shown(value: Any) -> str:
-    """Return a value as it would be typed, shortened if it is long."""
+    """Return a value as it would be typed on the command line, shortened if it is long."""
     if isinstance(value, dict):
         text = "{" + ", ".join(f"{key}: {_shown(item)}" for key, item in value.items() if key[:1] != "_") + "}"
     elif isinstance(value, list):

@@ -1,4 +1,4 @@
-"""Where the configuration lies, and how the command-line entry points are started and fail."""
+"""The location of the configuration, and the start and error handling of the command-line entry points."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from sgbd.machine.processors import usable_processors
 from sgbd.machine.workers import pythons_start_method
 
 INTERRUPTED = 130
-"""Exit status after Ctrl-C, as shells report it (128 + SIGINT)."""
+"""Exit status after Ctrl-C, as in shells (128 + SIGINT)."""
 
 
 OmegaConf.register_new_resolver("command_help", lambda _root_: command_help(_root_), replace=True)
 
 
 class ConfigurationError(ValueError):
-    """A configuration that cannot be run; the message says what was given, what is expected and what to do."""
+    """A configuration cannot be run; the message says what was given, what is expected and what to do."""
 
 
 class ExpectedError(CompactHydraException):
-    """An error that its message explains completely; Hydra prints it without a traceback."""
+    """An error whose message is a complete explanation; Hydra prints it without a traceback."""
 
 
 def config_folder() -> Path:
@@ -46,7 +46,7 @@ def config_folder() -> Path:
         ConfigurationError: If the package was copied without its configuration.
     """
     package = Path(__file__).resolve().parent.parent
-    # A wheel first: beside an installed package, site-packages/conf would be somebody else's.
+    # The wheel's folder first: beside an installed package, site-packages/conf would belong to another package.
     for folder in (package / "conf", package.parent / "conf"):
         if (folder / "train.yaml").is_file():
             return folder
@@ -57,7 +57,7 @@ def config_folder() -> Path:
 
 
 def count_workers(workers: int | None) -> int:
-    """Return the number of worker processes: `workers`, or one for each CPU this process may use if it is None.
+    """Return the number of worker processes: `workers`, or if it is None, one per CPU that this process may use.
 
     Raises:
         ConfigurationError: If `workers` is negative.
@@ -77,14 +77,13 @@ def output_folder() -> Path:
 
 
 def entry_point(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Callable[[], None]]:
-    """Make a command of a function of the configuration: `hydra.main` with errors meant for people.
+    """Turn a function of a configuration into a command: `hydra.main` with readable error messages.
 
-    Errors that the user can mend are printed as their message alone (set HYDRA_FULL_ERROR=1 for the traceback too).
-    Other errors are faults of the program and keep their traceback. Either way the process ends with status 1, and
-    with 130 after Ctrl-C.
+    Errors that the user can fix are printed without a traceback (set HYDRA_FULL_ERROR=1 to see it). Other errors are
+    bugs and keep their traceback. In both cases the exit status is 1; after Ctrl-C it is 130.
 
     Args:
-        config_name: The configuration to compose, a YAML file of `config_folder` without its suffix.
+        config_name: Name of the configuration to compose: a YAML file in `config_folder`, without its suffix.
 
     Returns:
         The decorator.
@@ -124,7 +123,7 @@ def entry_point(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Cal
             except KeyboardInterrupt:
                 sys.exit(INTERRUPTED)
             except SystemExit as end:
-                # Hydra has refused an argument, and advises to add what may be misspelt.
+                # Hydra has rejected an argument. Its advice is to add the key, but the key may be misspelt.
                 if end.code and not begun:
                     arguments = sys.argv[1:]
                     for advice in spellings(arguments) or suggestions(config_folder(), config_name, arguments):
@@ -137,7 +136,7 @@ def entry_point(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Cal
 
 
 def explain(error: BaseException) -> str | None:
-    """Return what to tell the user about `error`, or None if it is a fault of the program that needs its traceback."""
+    """Return a message for the user about `error`, or None if the error is a bug and needs its traceback."""
     if isinstance(error, InstantiationException):
         cause = error.__cause__
         told = explain(cause) if cause is not None else None
@@ -166,7 +165,7 @@ def explain(error: BaseException) -> str | None:
 
 
 def _with_reason(error: BaseException, cause: ImportError) -> str:
-    """Return the message of an import that failed with what was missing, which Hydra leaves to the traceback."""
+    """Return the message of a failed import with its cause, which Hydra only shows in the traceback."""
     message = str(error).replace(", set env var HYDRA_FULL_ERROR=1 to see chained exception", "")
     return f"{message}\n{cause}\nModules are found in the current folder, on PYTHONPATH and among what is installed."
 
@@ -180,7 +179,7 @@ def _raised_here(error: BaseException) -> bool:
 
 
 def _how_to_continue() -> str:
-    """Return how an interrupted job goes on; what is finished in it is kept."""
+    """Return a message that says how to resume an interrupted job."""
     kept = "What is finished is kept; "
     settings = HydraConfig.get() if HydraConfig.initialized() else None
     if settings is None or settings.mode != RunMode.RUN or settings.job.name != "train":

@@ -1,4 +1,4 @@
-"""One experiment: prepare, train, evaluate, draw, as a configuration says."""
+"""One configured experiment: prepare, train, evaluate, draw."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ log = logging.getLogger(__name__)
 
 
 class Validation:
-    """Scores of the validation graphs after an epoch. A class, not a closure: training processes are sent it.
+    """Scores the validation graphs after an epoch. A class instead of a closure, so it can be pickled.
 
     Args:
         graphs: The validation graphs.
-        evaluate: What scores them.
+        evaluate: The evaluator.
     """
 
     def __init__(self, graphs: SuperpixelGraphDataset, evaluate: Evaluator) -> None:
@@ -49,7 +49,7 @@ class Validation:
         self.evaluate = evaluate
 
     def __call__(self, model: EdgeClassifier, objectness: ObjectnessHead | None) -> Mapping[str, float]:
-        """Return the scores, those over all objects without a prefix."""
+        """Return the scores; those of the protocol `all` have no prefix."""
         scores = self.evaluate(self.graphs, model, objectness).scores
         return {name.removeprefix("all/"): value for name, value in scores.items()}
 
@@ -59,21 +59,22 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
 
     Args:
         config: A configuration with the keys of conf/train.yaml.
-        folder: Where checkpoint, curves, scores and pictures go.
+        folder: Output folder for checkpoint, curves, scores and pictures.
 
     Returns:
-        What `result.json` holds: scores, parameters, best epoch and the checkpoint's file name.
+        The content of `result.json`: scores, number of parameters, best epoch and its validation score, and the file
+        name of the checkpoint.
 
     Raises:
-        ConfigurationError: If the dataset has no training split, or no validation split to choose thresholds on.
+        ConfigurationError: If the dataset has no training split, or no validation split for tuning.
     """
     workers = count_workers(config.workers)
     _check(config)
     splits = _usable_splits(config, workers)
-    # Before the frames are prepared: an impossible model is better known at once.
+    # Made before the frames are prepared, so that an invalid model is reported at once.
     seed_everything(config.seed, verbose=False)
     initial = untrained_checkpoint(config)
-    # Of all splits before the training: a dataset that cannot be scored is told of now.
+    # All splits are prepared before training, so that a dataset that cannot be scored is reported now.
     graphs = _graphs_by_split(config, splits, initial.recipe["features"])
     trained = _train(config, initial, graphs, folder)
     write_figure(history_figure(trained.history, f"best epoch {trained.best_epoch}"), folder / "curves.png")
@@ -90,7 +91,7 @@ def run_experiment(config: DictConfig, folder: Path) -> dict[str, Any]:
 
 
 def _check(config: DictConfig) -> None:
-    """Find what cannot be trained before hours may go into frames and graphs."""
+    """Reject an invalid configuration now, before hours are spent on frames and graphs."""
     if not isinstance(config.seed, int) or config.seed < 0:
         raise ConfigurationError(f"seed must be an integer of at least 0; got {config.seed!r}")
     if not isinstance(config.pictures, int) or config.pictures < 0:
@@ -99,9 +100,9 @@ def _check(config: DictConfig) -> None:
         groups = config.features[key]
         if isinstance(groups, str):
             raise ConfigurationError(f"features.{key} must be a list of groups: features.{key}=[{groups}]")
-        # Whether a block has the others, making the model shows.
+        # The groups of node blocks are checked when the model is made.
         columns(split_groups(groups)[0] if key == "node" else groups)
-    # The models need to know the graphs; that their classes exist can be seen now.
+    # Networks can only be made when the graphs are known, but their classes can be checked now.
     for key, kind in (("model", EdgeClassifier), ("objectness", ObjectnessHead)):
         if config[key] is not None:
             require_kind(instantiate({"_target_": config[key]._target_, "_partial_": True}).func, kind, key)
@@ -115,10 +116,10 @@ def _check(config: DictConfig) -> None:
 
 
 def _usable_splits(config: DictConfig, workers: int) -> tuple[str, ...]:
-    """Return the splits of the dataset, which must have what a training and its tuning need."""
+    """Return the splits of the dataset; raise if those needed for training and tuning are missing."""
     splits = splits_of(frame_source(config.dataset, workers))
     if "train" not in splits:
-        # A folder that is not there says so itself.
+        # Opening the split reports a missing folder.
         len(frame_source(config.dataset, workers, splits[0]))
         raise ConfigurationError(
             f"the dataset has no training frames, only {', '.join(splits)}. Choose another dataset, or score a trained "
@@ -140,7 +141,7 @@ def _usable_splits(config: DictConfig, workers: int) -> tuple[str, ...]:
 def _graphs_by_split(
     config: DictConfig, splits: Sequence[str], features: Mapping[str, Any]
 ) -> dict[str, SuperpixelGraphDataset]:
-    """Prepare all splits, and open the graphs that have truth; of the training graphs only what training reads."""
+    """Prepare all splits and open the graphs with ground truth; training graphs with only the fields training reads."""
     block = configured_block(config)
     cache = prepare_splits(config, splits, block)
     graphs = {}
@@ -154,7 +155,7 @@ def _graphs_by_split(
 def _train(
     config: DictConfig, initial: Checkpoint, graphs: Mapping[str, SuperpixelGraphDataset], folder: Path
 ) -> TrainingResult:
-    """Train, with the scores of the validation frames after every epoch if there are any."""
+    """Train; if there are validation frames, score them after every epoch."""
     trainer: Trainer = instantiate(config.trainer)
     validate = None
     if "val" in graphs:
@@ -179,10 +180,10 @@ def _train(
 
 
 def _tune(config: DictConfig, validation: SuperpixelGraphDataset, path: Path, folder: Path) -> None:
-    """Choose thresholds on the validation frames, and write them into the checkpoint."""
+    """Tune thresholds on the validation frames, and write them into the checkpoint."""
     trust = trusted_packages(config)
     checkpoint = Checkpoint.load(path, trust)
-    # From the configuration: a job that is gone on with finds thresholds in the file that are tuned already.
+    # Start from the configuration: in a resumed job, the checkpoint may already have tuned thresholds.
     recipe = untrained_checkpoint(config).recipe
     tuned = instantiate(config.tuning)(
         validation, checkpoint.model, checkpoint.objectness, recipe["partition"], recipe["objects"], trust
@@ -195,7 +196,7 @@ def _tune(config: DictConfig, validation: SuperpixelGraphDataset, path: Path, fo
 def _test(
     config: DictConfig, dataset: SuperpixelGraphDataset, trained: TrainingResult, folder: Path, workers: int
 ) -> Evaluation:
-    """Score the best epoch's checkpoint, as read from its file, on the test frames."""
+    """Load the checkpoint of the best epoch from its file, and score it on the test frames."""
     segmenter = Segmenter.load(trained.checkpoint, trust=trusted_packages(config))
     evaluate = Evaluator(segmenter.partition, segmenter.rule, calibration=segmenter.calibration)
     evaluation = evaluate(dataset, segmenter.model, segmenter.objectness, progress=True)

@@ -1,4 +1,4 @@
-"""A job in its folder: run once, gone on with after an interruption, and never overwritten."""
+"""A job in its folder: run once, resumed after an interruption, and never overwritten."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ LOCK_FILE = ".job.lock"
 ASIDE = "earlier-"
 
 PLACES = ("data_dir", "cache_dir", "output_dir")
-"""Keys that say where files lie; whatever they are, the result is the same."""
+"""Keys that set the locations of files; the result does not depend on them."""
 IMMATERIAL = ("name", "workers", "logger", "in_memory", "pictures")
-"""Keys that don't change the result either."""
+"""Further keys on which the result does not depend."""
 
 IMMATERIAL_IN_TRAINER = ("num_workers", "log_every", "progress")
 
 LONGEST_NAME = 150
-"""Characters of a job's folder name; file systems end at 255 bytes."""
+"""Maximum length of a job's folder name, characters; file systems allow 255 bytes."""
 
 
 def config_hash(config: DictConfig) -> str:
-    """Return a digest of everything in a job's configuration that its result depends on, and of the package's version.
+    """Return a digest of the package version and of everything in a job's configuration that affects its result.
 
     Args:
         config: A job's configuration, without the node `hydra`.
@@ -56,21 +56,21 @@ def config_hash(config: DictConfig) -> str:
                 material.trainer.pop(key, None)
         for key in PLACES:
             if key in material:
-                # Not removed: other values are interpolated from these, and move with them.
+                # Replaced instead of removed, because other values are interpolated from these.
                 material[key] = f"<{key}>"
     values = OmegaConf.to_container(material, resolve=True, enum_to_str=True)
     return digest([__version__, values])
 
 
 def job_folder(override_dirname: str) -> str:
-    """Return a folder name for a job of a sweep, from the overrides that set it apart.
+    """Return a folder name for a job of a sweep, made from its overrides.
 
     Args:
         override_dirname: Hydra's `hydra.job.override_dirname`, such as `features=rgb,model=mlp`.
 
     Returns:
-        One path component: separators become `_`, and names too long for a file system end in a digest. `base` if
-        there are no overrides.
+        One path component: separators become `_`, and names that are too long end in a digest. `base` if there are no
+        overrides.
     """
     name = re.sub(r"[/\\:\s]+", "_", override_dirname).lstrip(".") or "base"
     if len(name) > LONGEST_NAME:
@@ -82,22 +82,22 @@ OmegaConf.register_new_resolver("job_folder", job_folder, replace=True)
 
 
 def run_once(folder: Path, config: DictConfig, job: Callable[[DictConfig, Path], Mapping[str, Any]]) -> dict[str, Any]:
-    """Run a job in its folder, or return its result if it has finished there before with the same configuration.
+    """Run a job in its folder, or return its result if it has already finished there with the same configuration.
 
-    - A job that was interrupted finds its own files in the folder and may go on from them.
-    - Files of a job with another configuration are first moved to the subfolder `earlier-1`, `earlier-2`, …
-    - Of two processes with the same folder the second waits, and then finds the first one's result.
+    - An interrupted job finds its own files in the folder and can resume from them.
+    - Files of a job with another configuration are first moved to a subfolder `earlier-1`, `earlier-2`, …
+    - If two processes use the same folder, the second one waits and then returns the result of the first.
 
-    `result.json` is written last, and at once.
+    `result.json` is written last, and atomically.
 
     Args:
-        folder: The job's own folder; made if needed.
+        folder: The job's own folder; created if needed.
         config: The job's configuration. A copy is written to `config.yaml`.
-        job: What to do: a function of the configuration and the folder. It returns values that JSON can hold, with
-            shares from 0 to 1 under the key `scores`.
+        job: A function of the configuration and the folder. It returns JSON values, with fractions from 0 to 1 under
+            the key `scores`.
 
     Returns:
-        What the job returned, with `config_hash` and `seconds`.
+        The values returned by the job, with `config_hash` and `seconds`.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with one_process_at_a_time(folder / LOCK_FILE, log, f"runs the job in {folder}"):
@@ -129,7 +129,7 @@ def move_aside(folder: Path, keep: Sequence[str] = (), only: Sequence[str] | Non
     Args:
         folder: The folder.
         keep: Names of files that stay.
-        only: Names of those that go, if they are there; None for all.
+        only: Names of files to move, if they exist; None for all.
     """
     names = sorted(path.name for path in folder.iterdir()) if only is None else list(only)
     names = [
@@ -146,7 +146,7 @@ def move_aside(folder: Path, keep: Sequence[str] = (), only: Sequence[str] | Non
 
 
 def digest(value: Any) -> str:
-    """Return 64 hexadecimal digits that differ for different JSON values, whatever the order of their keys."""
+    """Return a digest of a JSON value: 64 hexadecimal digits, independent of the order of keys."""
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()
 
 
@@ -167,12 +167,12 @@ def read_json(path: Path) -> dict[str, Any] | None:
 
 
 def write_json(path: Path, value: Mapping[str, Any]) -> None:
-    """Write a mapping as a JSON file, whole or not at all; numbers that are not finite become null."""
+    """Write a mapping as a JSON file, atomically; numbers that are not finite become null."""
     write_whole(path, (json.dumps(_plain(value), indent=2, allow_nan=False) + "\n").encode())
 
 
 def _plain(value: Any) -> Any:
-    """Return a value of plain JSON types: NumPy numbers become Python's, numbers that are not finite null."""
+    """Convert a value to plain JSON types; NumPy numbers become Python numbers, non-finite numbers None."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

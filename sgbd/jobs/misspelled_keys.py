@@ -1,4 +1,4 @@
-"""What may be meant by keys on the command line that a configuration does not have."""
+"""Suggestions for unknown keys on the command line."""
 
 from __future__ import annotations
 
@@ -17,17 +17,16 @@ _OVERRIDE = re.compile(r"(?P<key>[A-Za-z_][\w./]*)(@[\w.]+)?=")
 
 
 def suggestions(folder: Path, config_name: str, arguments: Sequence[str]) -> list[str]:
-    """Name the keys that are nearest to those which do not exist.
+    """Suggest the most similar known keys for unknown ones.
 
     Args:
         folder: Folder of the configuration.
-        config_name: The configuration.
-        arguments: Of the command line.
+        config_name: Name of the configuration.
+        arguments: The command-line arguments.
 
     Returns:
-        A sentence for every unknown key that is like a known one, or only one for an experiment that was made for
-        another command. What is added (+key) or removed (~key), and keys of
-        Hydra's own, are passed over.
+        A sentence for every unknown key that resembles a known one; or a single sentence if an experiment was made for
+        another command. Added keys (+key), removed keys (~key) and keys of Hydra are ignored.
     """
     for argument in arguments:
         key, _, experiment = argument.partition("=")
@@ -53,17 +52,17 @@ def suggestions(folder: Path, config_name: str, arguments: Sequence[str]) -> lis
 
 
 def other_command(folder: Path, config_name: str, experiment: str) -> str | None:
-    """Say so if an experiment sets keys that this command does not have, as it was made for another.
+    """Check whether an experiment was made for another command, that is, sets keys that this command does not have.
 
-    Hydra lets an experiment add any key, so that the command would run without it and do something else.
+    Hydra lets an experiment add any key, so the command would silently ignore such keys.
 
     Args:
         folder: Folder of the configuration.
-        config_name: The configuration of the command.
-        experiment: The experiment that was chosen.
+        config_name: Name of the command's configuration.
+        experiment: Name of the chosen experiment.
 
     Returns:
-        A sentence; None if the command has all keys, or the experiment does not lie in `folder`.
+        A message; None if the command has all keys, or `folder` does not contain the experiment.
     """
     file = folder / "experiment" / f"{experiment}.yaml"
     if not file.is_file():
@@ -82,7 +81,7 @@ def other_command(folder: Path, config_name: str, experiment: str) -> str | None
 
 
 def _top_keys(file: Path) -> set[str]:
-    """Return the first level of a configuration's keys, with its groups and what it sweeps."""
+    """Return the top-level keys of a configuration, including its groups and the keys that it sweeps."""
     config = OmegaConf.load(file)
     assert isinstance(config, DictConfig)
     groups = {str(group) for entry in config.get("defaults", []) if isinstance(entry, DictConfig) for group in entry}
@@ -93,13 +92,13 @@ def _top_keys(file: Path) -> set[str]:
 
 
 def _is_choice(folder: Path, argument: str) -> bool:
-    """Return whether an argument chooses one option of a group, which decides on the keys below it."""
+    """Return whether an argument chooses one option of a group, which determines the keys of the group."""
     match = _CHOICE.fullmatch(argument)
     return match is not None and (folder / match["group"]).is_dir()
 
 
 def _keys(values: Any, before: str = "") -> Iterator[str]:
-    """Yield the full name of every key, those of groups among them."""
+    """Yield the full names of all keys, including groups."""
     if isinstance(values, Mapping):
         for key, value in values.items():
             yield f"{before}{key}"

@@ -1,4 +1,4 @@
-"""Whether what a configuration names can be what it is chosen for: told before hours go into frames and graphs."""
+"""Early checks that configured classes fit their purpose, before hours are spent on frames and graphs."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from sgbd.jobs.configuration import ConfigurationError
 
 
 def require_kind(made: object, kind: type, group: str) -> None:
-    """Check that an object, or a class, is of a kind.
+    """Check that an object is an instance, or a class is a subclass, of a class.
 
     Args:
         made: The object or the class.
-        kind: The class that its own derives from.
-        group: The group of the configuration that chose it.
+        kind: The required class.
+        group: The configuration group that chose it.
 
     Raises:
-        ConfigurationError: If it is none.
+        ConfigurationError: If it is not.
     """
     cls = made if inspect.isclass(made) else type(made)
     if not issubclass(cls, kind):
@@ -27,12 +27,12 @@ def require_kind(made: object, kind: type, group: str) -> None:
 
 
 def require_call(made: Any, protocol: Any, group: str) -> None:
-    """Check that an object can be called as a protocol says.
+    """Check that an object can be called with the arguments of a protocol.
 
     Args:
         made: The object.
         protocol: A class with the method `__call__`.
-        group: The group of the configuration that chose it.
+        group: The configuration group that chose it.
 
     Raises:
         ConfigurationError: If it cannot.

@@ -1,4 +1,4 @@
-"""From a configuration to frames, and on to their prepared graphs."""
+"""The configured frames and their prepared graphs."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ if TYPE_CHECKING:
 
 
 def frame_source(dataset: DictConfig, workers: int, split: str | None = None) -> FrameSource:
-    """Open a split of the configured dataset; an embedded dataset that is not on disk yet is generated first.
+    """Open a split of the configured dataset; a synthetic dataset that is not on disk yet is generated first.
 
     Args:
-        dataset: What to instantiate.
-        workers: Processes for generating; 0 for this one alone.
-        split: Which split; None for the dataset's own default.
+        dataset: Configuration of the dataset.
+        workers: Number of processes that generate frames; 0 generates in this process.
+        split: Name of the split; None for the dataset's default.
 
     Returns:
         The frames.
 
     Raises:
-        ConfigurationError: If it is no `FrameSource`, or a value that it needs is missing.
+        ConfigurationError: If the dataset is not a `FrameSource`, or a required value is missing.
     """
     for key in sorted(OmegaConf.missing_keys(dataset)):
-        # Where a dataset is within another one, Hydra leaves the key out without a word.
+        # Hydra silently drops missing keys of a dataset that is nested in another one.
         raise ConfigurationError(f"{key} is not set. Give it on the command line: {key}=<value>")
     options: dict[str, Any] = {} if split is None else {"split": split}
     source: FrameSource = instantiate(dataset, **options)
@@ -50,7 +50,7 @@ def frame_source(dataset: DictConfig, workers: int, split: str | None = None) ->
 
 
 def splits_of(source: FrameSource) -> tuple[str, ...]:
-    """Return the splits of a dataset; its own if it has none, so that reading that one says what is missing."""
+    """Return the splits of a dataset; if it has none, its current one, whose reading then reports what is missing."""
     return source.splits or (source.split,)
 
 
@@ -68,15 +68,15 @@ def frame_source_of_split(dataset: DictConfig, workers: int, split: str) -> Fram
 
 
 def prepare_splits(config: DictConfig, splits: Sequence[str], block: NodeBlock | None = None) -> Path:
-    """Prepare the graphs of some splits as configured, or find them prepared.
+    """Prepare the graphs of some splits as configured, unless they are already prepared.
 
     Args:
         config: A configuration with the keys of conf/prepare.yaml.
-        splits: Their names.
-        block: Node features to add to them.
+        splits: Names of the splits.
+        block: Node block to add to the graphs.
 
     Returns:
-        The folder of the recipe, which holds a folder for each split.
+        The recipe folder, which contains a folder for each split.
     """
     workers = count_workers(config.workers)
     superpixels, graph = instantiate(config.superpixels), instantiate(config.graph)
@@ -87,20 +87,20 @@ def prepare_splits(config: DictConfig, splits: Sequence[str], block: NodeBlock |
         if block is not None:
             prepare_node_block(folder, source, block)
         folders.append(folder)
-    # All splits of a dataset have one recipe, and so one folder.
+    # All splits of a dataset have the same recipe, and thus the same folder.
     return folders[-1]
 
 
 def open_graphs(
     folder: Path, split: str, features: Mapping[str, Any], block: NodeBlock | None, **options: Any
 ) -> SuperpixelGraphDataset:
-    """Open prepared graphs with some of their feature columns.
+    """Open prepared graphs with selected feature columns.
 
     Args:
-        folder: The folder of the recipe.
-        split: Which split.
-        features: Groups of columns by `node` and `edge`, as in a configuration or a checkpoint's recipe.
-        block: What has the columns of a node feature group beyond those of every graph; None if no group needs it.
+        folder: The recipe folder.
+        split: Name of the split.
+        features: Feature groups under the keys `node` and `edge`, as in a configuration or a checkpoint's recipe.
+        block: The node block that provides additional columns; None if no feature group needs it.
         **options: Further arguments of `sgbd.data.SuperpixelGraphDataset`.
 
     Returns:
@@ -113,14 +113,14 @@ def open_graphs(
 def graphs_for(
     segmenter: Segmenter, source: FrameSource, cache_dir: str | Path, workers: int, on_error: Literal["skip", "fail"]
 ) -> SuperpixelGraphDataset:
-    """Prepare a dataset's graphs with a trained model's recipe, or find them prepared.
+    """Prepare a dataset's graphs with a trained model's recipe, unless they are already prepared.
 
     Args:
         segmenter: The model.
         source: The frames.
-        cache_dir: Where prepared graphs are kept.
-        workers: Processes.
-        on_error: What to do with a frame that cannot be used: `skip` or `fail`.
+        cache_dir: Folder of prepared graphs.
+        workers: Number of worker processes.
+        on_error: What to do if a frame cannot be used: `skip` or `fail`.
 
     Returns:
         The graphs, with the feature columns that the model was trained on.
@@ -134,19 +134,19 @@ def graphs_for(
 def checkpoint_graphs(
     config: DictConfig, checkpoint: Checkpoint, segmenter: Segmenter, source: FrameSource
 ) -> SuperpixelGraphDataset:
-    """Prepare the graphs of frames with truth as a checkpoint's recipe says, or find them prepared.
+    """Prepare graphs with a checkpoint's recipe, unless they are already prepared; return those with ground truth.
 
     Args:
         config: A configuration with cache_dir, workers and on_error.
         checkpoint: The checkpoint.
-        segmenter: Made of it.
+        segmenter: The segmenter made from it.
         source: The frames.
 
     Returns:
-        The graphs that have truth, with the feature columns of the checkpoint's model.
+        The graphs with ground truth and the feature columns of the checkpoint's model.
     """
     prepared = graphs_for(segmenter, source, config.cache_dir, count_workers(config.workers), config.on_error)
     dataset = with_truth(prepared, config.on_error)
-    # By construction; a difference would mean that the graphs are not what the model was trained on.
+    # Holds by construction; a difference would mean that the graphs differ from those that the model was trained on.
     checkpoint.require(superpixels=dataset.recipe["superpixels"], graph=dataset.recipe["graph"])
     return dataset

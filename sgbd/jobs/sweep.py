@@ -1,4 +1,4 @@
-"""A sweep of many jobs: a table and a plot of all of them, however they ended."""
+"""The table and the plot of a sweep, with all of its jobs, however they ended."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ log = logging.getLogger(__name__)
 RECORDS_FOLDER = ".jobs"
 
 PER_CENT = 100
-"""Scores are shares; tables and figures for people show per cent."""
+"""Factor from scores, which are fractions, to the per cent shown in tables and figures."""
 
 
 STATES = ("finished", "failed", "unfinished", "not run")
-"""What can become of a job."""
+"""Possible states of a job."""
 
 
 @dataclass(frozen=True)
 class NotRun:
-    """What a job of a sweep returns if this machine lacks something that it needs: no score, and no failure.
+    """Returned by a job of a sweep if this machine lacks something that the job needs; this is not a failure.
 
     Attributes:
         reason: What is missing and what to do.
@@ -52,18 +52,18 @@ class NotRun:
 
 
 class SweepTable(Callback):
-    """Hydra callback that keeps one table of a sweep in the sweep's folder: `table.csv`, `table.md` and `table.png`.
+    """Hydra callback that writes the table of a sweep to the sweep's folder: `table.csv`, `table.md` and `table.png`.
 
-    It is written after every job, so that it is there however the sweep ends. Jobs that failed, were interrupted or
-    could not run on this machine are rows of it like the others. Tables of another sweep in the same folder are moved
-    to a subfolder `earlier-<n>`.
+    The table is written after every job, so it exists however the sweep ends. It has rows also for jobs that failed,
+    were interrupted or could not run on this machine. Tables of another sweep in the same folder are moved to a
+    subfolder `earlier-<n>`.
 
     Args:
-        columns: Patterns (as for file names) of the scores that the Markdown table shows, in this order. The CSV file
-            holds all scores.
-        plot: Names of the scores that are drawn.
-        seed: The override whose repetitions are averaged.
-        immaterial: Overrides that are no property of a row, such as the number of workers.
+        columns: File name patterns of the scores that the Markdown table shows, in this order. The CSV file contains
+            all scores.
+        plot: Names of the scores to plot.
+        seed: The override over whose values scores are averaged.
+        immaterial: Overrides that do not identify a row, such as the number of workers.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class SweepTable(Callback):
         self.sweep: str | None = None
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
-        """Recognise the sweep, and make room for its table."""
+        """Identify the sweep, and move the table of another sweep aside."""
         settings = config.hydra
         values = OmegaConf.to_container(config, resolve=False, enum_to_str=True)
         assert isinstance(values, dict)
@@ -101,12 +101,12 @@ class SweepTable(Callback):
             write_json(folder / RECORDS_FOLDER / "sweep.json", {"sweep": self.sweep})
 
     def on_job_start(self, config: DictConfig, *, task_function: TaskFunction, **kwargs: Any) -> None:
-        """Note that a job of the sweep has begun."""
+        """Record that a job of the sweep has started."""
         if self.sweep is not None:
             self._record(config, "unfinished")
 
     def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:
-        """Note how a job of the sweep ended, and write the table."""
+        """Record how a job of the sweep ended, and write the table."""
         if self.sweep is None:
             return
         if job_return.status == JobStatus.COMPLETED:
@@ -126,7 +126,7 @@ class SweepTable(Callback):
             write_table(jobs, folder, columns=self.columns, plot=self.plot, seed=self.seed)
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
-        """Say where the table is."""
+        """Log the path of the table."""
         log.info("Table of the sweep: %s", Path(config.hydra.sweep.dir) / "table.md")
 
     def _record(self, config: DictConfig, state: str, error: str | None = None) -> None:
@@ -151,8 +151,8 @@ def read_jobs(folder: Path) -> pd.DataFrame:
         folder: The sweep's folder.
 
     Returns:
-        A row each job in the sweep's order, with the columns `job` (its number), one for each override, `seed`, `state`
-        (one of `STATES`), one for each score (NaN where there is none), `seconds`, `error`, `folder`.
+        One row per job in the order of the sweep, with the columns `job` (its number), one for each override, `seed`,
+        `state` (one of `STATES`), one for each score (NaN if missing), `seconds`, `error`, `folder`.
     """
     records = [read_json(path) for path in sorted((folder / RECORDS_FOLDER).glob("[0-9]*.json"))]
     rows: list[dict[str, Any]] = []
@@ -178,15 +178,15 @@ def read_jobs(folder: Path) -> pd.DataFrame:
 
 
 def summarize(jobs: pd.DataFrame) -> pd.DataFrame:
-    """Average the repetitions of a sweep's jobs over their seeds.
+    """Average the scores of a sweep's jobs over seeds.
 
     Args:
-        jobs: As `read_jobs` returns it.
+        jobs: The table of `read_jobs`.
 
     Returns:
-        A row each combination of overrides, in the sweep's order. Columns: the overrides that vary, `finished`,
-        `failed`, `unfinished` (numbers of jobs), and for each score `<score>` (mean over the finished jobs) and
-        `<score> std` (sample standard deviation; NaN for a single job).
+        One row per combination of overrides, in the order of the sweep. Columns: the overrides that vary; the number of
+        jobs in each of `STATES`; and for each score and `seconds`, the mean over the finished jobs and, as
+        `<score> std`, the sample standard deviation (NaN for a single job).
     """
     overrides = [key for key in jobs.attrs["overrides"] if jobs[key].nunique(dropna=False) > 1]
     rows = []
@@ -211,11 +211,11 @@ def write_table(
     """Write `table.csv` (each job), `table.md` (mean ± std over seeds) and `table.png` of a sweep.
 
     Args:
-        jobs: As `read_jobs` returns it.
-        folder: Where to.
+        jobs: The table of `read_jobs`.
+        folder: Output folder.
         columns: Patterns of the scores in the Markdown table.
         plot: Scores in the figure.
-        seed: What the repetitions differ in.
+        seed: The override over whose values scores are averaged.
     """
     write_whole(folder / "table.csv", jobs.to_csv(index=False).encode())
     summary = summarize(jobs)
@@ -229,7 +229,7 @@ def write_table(
 
 
 def markdown(jobs: pd.DataFrame, summary: pd.DataFrame, columns: Sequence[str], seed: str = "seed") -> str:
-    """Return the Markdown table of a sweep, with the reasons of failures below it."""
+    """Return the Markdown table of a sweep, followed by the reasons of failures."""
     overrides, scores = summary.attrs["overrides"], summary.attrs["scores"]
     chosen = list(dict.fromkeys(score for pattern in columns for score in fnmatch.filter(scores, pattern))) or scores
     shown = pd.DataFrame(index=summary.index)
@@ -259,12 +259,12 @@ def markdown(jobs: pd.DataFrame, summary: pd.DataFrame, columns: Sequence[str], 
 def draw(summary: pd.DataFrame, scores: Sequence[str]) -> Figure:
     """Draw scores over the rows of a sweep, with the standard deviation over seeds as error bars.
 
-    One varied number is the horizontal axis, logarithmic where it spans a factor of 4 or more; otherwise the rows stand
-    one below the other. Rows without a finished job are named and left empty.
+    If a single numeric override varies, it is the horizontal axis, logarithmic if it spans a factor of 4 or more.
+    Otherwise the rows are drawn below each other. Rows without a finished job are labelled but empty.
 
     Args:
-        summary: As `summarize` returns it.
-        scores: Which of its scores.
+        summary: The table of `summarize`.
+        scores: Names of the scores to draw.
 
     Returns:
         A figure, made without pyplot.
@@ -307,7 +307,7 @@ def _draw_row_by_row(summary: pd.DataFrame, scores: Sequence[str]) -> Figure:
     figure = Figure(figsize=(7, 1.4 + 0.45 * len(names)), layout="constrained")
     axes = figure.subplots()
     for place, score in enumerate(scores):
-        # Side by side: equal scores would hide each other.
+        # Offset the scores, so that equal ones do not hide each other.
         rows = [row + 0.14 * (place - (len(scores) - 1) / 2) for row in range(len(names))]
         mean, deviation = PER_CENT * summary[score], PER_CENT * summary[f"{score} std"].fillna(0)
         label = score_title(score)

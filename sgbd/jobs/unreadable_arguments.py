@@ -1,4 +1,4 @@
-"""How arguments of the command line that Hydra's grammar does not know would have to be written."""
+"""Suggested spellings of command-line arguments that Hydra cannot parse."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from hydra.errors import HydraException
 
 
 def spellings(arguments: Sequence[str]) -> list[str]:
-    """Say how to write arguments that cannot be read.
+    """Suggest how to write arguments that Hydra cannot parse.
 
     Args:
-        arguments: Of the command line.
+        arguments: The command-line arguments.
 
     Returns:
-        A sentence for every argument that is no key=value, or the value of which needs quotes. Options such as
-        --config-dir are passed over, with their values.
+        A sentence for every argument that is not key=value, or whose value needs quotes. Options such as --config-dir
+        and their values are ignored.
     """
     parser = OverridesParser.create()
     told = []
@@ -40,5 +40,5 @@ def spellings(arguments: Sequence[str]) -> list[str]:
 
 
 def _shell_quoted(argument: str) -> str:
-    """Quote for a shell: with double quotes, which are easier to read, where they change nothing inside."""
+    """Quote an argument for a shell, with the more readable double quotes if nothing inside needs escaping."""
     return shlex.quote(argument) if set(argument) & set('"$`\\!') else f'"{argument}"'

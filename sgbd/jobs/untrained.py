@@ -1,4 +1,4 @@
-"""The model that a configuration means, before it is trained, and the recipe that goes with it."""
+"""The configured model before training, and its recipe."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from sgbd.own_columns import own_columns
 from sgbd.recipe import describe
 
 GROUPS = ("superpixels", "graph", "model", "objectness", "partition", "objects")
-"""Groups of the configuration that a checkpoint's recipe is made of, beside the features."""
+"""Configuration groups from which a checkpoint's recipe is made, besides the features."""
 
 
 def untrained_checkpoint(config: DictConfig) -> Checkpoint:
-    """Make the configured networks, with weights from PyTorch's global generator, and their recipe.
+    """Make the configured networks, with initial weights from PyTorch's global generator, and their recipe.
 
     Args:
         config: A configuration with `GROUPS` and `features` of conf/train.yaml.
 
     Returns:
-        The networks as they are before training; the recipe has all that a `sgbd.segmenter.Segmenter` needs.
+        The untrained networks; the recipe contains everything that a `sgbd.segmenter.Segmenter` needs.
 
     Raises:
         ValueError: If a feature group is unknown; the message lists the choices.
-        sgbd.node_block.MissingWeightsError: If the features need a block whose weights are not there.
+        sgbd.node_block.MissingWeightsError: If the features need a node block whose weights are missing.
     """
     features: dict[str, Any] = {
         "node": _groups(config.features.node, NODE_GROUPS),
@@ -63,10 +63,10 @@ def untrained_checkpoint(config: DictConfig) -> Checkpoint:
 
 
 def configured_block(config: DictConfig) -> NodeBlock | None:
-    """Return the configured block of node features if the configured features need it, else None.
+    """Return the configured node block if the configured features need it, else None.
 
     Args:
-        config: A configuration with `features`, and `node_block` where there may be one.
+        config: A configuration with `features` and optionally `node_block`.
 
     Raises:
         sgbd.node_block.NodeBlockError: If a feature group is unknown.
@@ -76,10 +76,10 @@ def configured_block(config: DictConfig) -> NodeBlock | None:
 
 
 def trusted_packages(config: DictConfig) -> tuple[str, ...]:
-    """Return the packages whose classes and functions a configuration names: whoever wrote it trusts them.
+    """Return the packages whose classes and functions a configuration names, because its author trusts them.
 
     Args:
-        config: A configuration with `GROUPS`, and `trust` where a checkpoint may name more.
+        config: A configuration with `GROUPS`, and optionally `trust` for further packages.
     """
     chosen = (config.get(group) for group in (*GROUPS, "node_block"))
     targets = (target for group in chosen if group is not None for target in _targets(_plain(group)))
@@ -87,7 +87,7 @@ def trusted_packages(config: DictConfig) -> tuple[str, ...]:
 
 
 def _groups(chosen: Any, table: Mapping[str, Any]) -> list[str]:
-    """Spell out which groups null stands for, so that a checkpoint keeps its meaning when groups are added."""
+    """Replace null by the names of all groups, so that a checkpoint stays valid when groups are added."""
     return list(table if chosen is None else chosen)
 
 
@@ -98,7 +98,7 @@ def _plain(config: DictConfig) -> dict[str, Any]:
 
 
 def _targets(values: Any) -> Iterator[str]:
-    """Yield every `_target_`, also of what is nested in arguments."""
+    """Yield every `_target_`, including those nested in arguments."""
     if isinstance(values, Mapping):
         if "_target_" in values:
             yield str(values["_target_"])
