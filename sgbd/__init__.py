@@ -15,7 +15,7 @@ Where to find what:
   runs all steps on a frame, `prediction` on files.
 - Scores: `majority`, `metrics`, `evaluation` of graphs, `label_map_evaluation` of other methods and of `label_images`,
   `failures` by kind. `scored_partition` and `tuning` choose thresholds.
-- Output for people: `reporting` (names of scores, pictures, the files of an evaluation, the page of a run or sweep).
+- Reports: `reporting` (names of scores, pictures, the files of an evaluation, the page of a run or sweep).
 - Configured runs: `jobs` (configuration and hints on mistyped arguments, frames and graphs, the untrained model, from
   frames to scores, single jobs in their folders, sweeps and their tables).
 - Comparisons: `baselines`, `comparison`, `comparison_results`; `benchmarking` of speed and memory; `onnx_export`.

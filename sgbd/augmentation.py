@@ -18,7 +18,7 @@ SIDEWAYS = ("normal_x", "scene_x", "plane_normal_x")
 
 
 class GraphAugmentation:
-    """Mirrors graphs, changes brightness and colour, and adds a little noise, drawn anew in every epoch.
+    """Mirrors graphs, changes brightness and colour, and adds a little noise, drawn again in every epoch.
 
     The features of a graph stay consistent: mirroring applies to positions and normals, and a change of colour applies
     to the means, spreads and steps of colour.

@@ -48,7 +48,7 @@ Kind = TypeVar("Kind")
 
 
 class CheckpointError(ValueError):
-    """A checkpoint cannot be used; the message says what was given, what is expected and what to do."""
+    """Raised if a checkpoint cannot be used; the message says what was given, what is expected and what to do."""
 
 
 @dataclass

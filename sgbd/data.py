@@ -22,7 +22,7 @@ HOW_TO_PREPARE = "python -m sgbd.prepare dataset=<name>"
 
 
 class GraphCacheError(RuntimeError):
-    """A folder does not contain the requested prepared graphs; the message says what to do."""
+    """Raised if a folder does not contain the requested prepared graphs; the message says what to do."""
 
 
 class SuperpixelGraphDataset(Dataset):

@@ -72,7 +72,7 @@ ROWS = ("seen", "unseen", "hm", "all", "unaided", "oracle_seen", "oracle_unseen"
 
 
 class EvaluationError(ValueError):
-    """Graphs cannot be scored; the message says why and what to do."""
+    """Raised if graphs cannot be scored; the message says why and what to do."""
 
 
 @dataclass(frozen=True)

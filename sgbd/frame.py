@@ -33,7 +33,7 @@ _told_of_unit: list[str] = []
 
 
 class FrameError(ValueError):
-    """A frame that cannot be segmented; the message says what was given, what is expected and what to do."""
+    """Raised if a frame is invalid; the message says what was given, what is expected and what to do."""
 
 
 @dataclass(frozen=True)

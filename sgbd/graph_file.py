@@ -45,7 +45,7 @@ _NARROW_FLOATS = (np.int8, np.int16)
 
 
 class GraphFileError(RuntimeError):
-    """A graph file cannot be read or written; the message says which file and what to do."""
+    """Raised if a graph file cannot be read or written; the message says which file and what to do."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from sgbd.sources.image import read_labels
 
 
 class LabelImagesError(ValueError):
-    """A folder contains no label image of the frames; the message says what is expected."""
+    """Raised if a folder contains no label image of the frames; the message says what is expected."""
 
 
 class LabelImages:

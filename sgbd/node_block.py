@@ -22,11 +22,11 @@ Planes = npt.NDArray[np.float32]
 
 
 class NodeBlockError(ValueError):
-    """Feature groups and a node block do not fit each other; the message says what to choose."""
+    """Raised if feature groups and a node block do not fit each other; the message says what to choose."""
 
 
 class MissingWeightsError(NotAvailableError):
-    """The weights of a node block, or packages that it needs, are missing on this machine."""
+    """Raised if the weights of a node block, or packages that it needs, are missing on this machine."""
 
 
 class NodeBlock(ABC):

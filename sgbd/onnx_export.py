@@ -43,7 +43,7 @@ SMALLEST_OPSET = 18
 
 
 class ExportError(ValueError):
-    """A model cannot be exported; the message says why and what to do."""
+    """Raised if a model cannot be exported; the message says why and what to do."""
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,7 @@ LINES_OF_REPORT = 20
 
 
 class PreparationError(RuntimeError):
-    """Graphs cannot be prepared; the message says why and what to do."""
+    """Raised if graphs cannot be prepared; the message says why and what to do."""
 
 
 @dataclass(frozen=True)

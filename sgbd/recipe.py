@@ -31,7 +31,7 @@ Recipe = dict[str, Any]
 
 
 class RecipeError(ValueError):
-    """A component cannot be recorded in a recipe; the message says what it needs."""
+    """Raised if a component cannot be recorded in a recipe; the message says what it needs."""
 
 
 def graph_recipe(source: FrameSource, superpixels: object, graph: object) -> Recipe:

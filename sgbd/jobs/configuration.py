@@ -32,7 +32,7 @@ OmegaConf.register_new_resolver("command_help", lambda _root_: command_help(_roo
 
 
 class ConfigurationError(ValueError):
-    """A configuration cannot be run; the message says what was given, what is expected and what to do."""
+    """Raised if a configuration cannot be run; the message says what was given, what is expected and what to do."""
 
 
 class ExpectedError(CompactHydraException):
@@ -148,7 +148,7 @@ def explain(error: BaseException) -> str | None:
     if isinstance(error, ValueError) and _raised_here(error):
         return str(error)
     if isinstance(error, OmegaConfBaseException | HydraException) or type(error).__module__.partition(".")[0] == "sgbd":
-        # The package defines an error class only where the message tells people what to do.
+        # All error classes of the package have messages that tell the user what to do.
         return str(error)
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
         where = f" while writing {error.filename}" if error.filename else ""

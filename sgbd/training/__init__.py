@@ -1,4 +1,4 @@
-"""Training of an edge classifier, and of an objectness head beside it, on prepared graphs."""
+"""Training of an edge classifier and an optional objectness head on prepared graphs."""
 
 from sgbd.training.error import TrainingError
 from sgbd.training.survey import Survey, survey_graphs

@@ -4,4 +4,4 @@ from __future__ import annotations
 
 
 class TrainingError(RuntimeError):
-    """A training cannot start or continue; the message says why and what to do."""
+    """Raised if a training cannot start or continue; the message says why and what to do."""

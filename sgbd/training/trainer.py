@@ -1,4 +1,4 @@
-"""The training loop: an edge classifier, and an objectness head beside it, on prepared graphs.
+"""The training loop for an edge classifier and an optional objectness head on prepared graphs.
 
 `Trainer.train` checks its input, surveys the graphs and starts Fabric, which runs `_run` in every process.
 `_train_epoch` trains one epoch. `_finish_epoch` follows in the first process only: it writes the best checkpoint, the
