@@ -18,7 +18,7 @@ Floats = npt.NDArray[np.float32]
 class FrameAugmentation:
     """A random change of a frame that keeps colours, depth, ground truth and camera consistent.
 
-    `sgbd.augmentation.GraphAugmentation` changes graphs, differently in every epoch and at no cost. This class changes the
+    `sgbd.augmentation.GraphAugmentation` changes graphs, again in every epoch and at no cost. This class changes the
     frames from which superpixels are computed, so every augmented frame needs another graph to be prepared.
 
     Attributes:
