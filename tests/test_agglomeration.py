@@ -119,7 +119,7 @@ def test_the_two_directions_of_an_edge_have_the_same_own_columns(graph: Agglomer
 
 
 def wall_with_a_post() -> tuple[Frame, np.ndarray]:
-    """Two patches of a wall, 2 m away, on both sides of a post at 1 m."""
+    """Return two patches of a wall 2 m away, on both sides of a post at 1 m."""
     depth = np.full((8, 48), 2.0, np.float32)
     depth[:, 16:32] = 1.0
     label_map = np.zeros((8, 48), np.int32)
@@ -170,7 +170,7 @@ def test_logits_of_the_first_stage_are_averaged_along_the_border() -> None:
 def test_ends_of_one_object_have_its_colors_and_its_width() -> None:
     size = 20 * STRIDE
     rgb, label_map = np.zeros((size, 3 * size, 3), np.uint8), np.full((size, 3 * size), 3, np.int32)
-    # Two equal bars on one line, and a bar of another colour and twice their width.
+    # Two identical bars on one line, and a third bar of another colour and twice the width.
     for number, (column, row, width, color) in enumerate(((0, 2, 4, 200), (2, 2, 4, 200), (1, 0, 8, 20))):
         bar = np.s_[row * STRIDE : (row + width) * STRIDE, column * size : (column + 1) * size]
         label_map[bar], rgb[bar] = number, color

@@ -1,4 +1,4 @@
-"""Augmented graphs: what changes goes together, and nothing else changes."""
+"""Augmented graphs: changes are consistent across features, and nothing else changes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SIDEWAYS = [NODE_NAMES.index(name) for name in ("normal_x", "scene_x", "plane_no
 
 
 def graph(seed: int = 0) -> Data:
-    """A grid with all features; colours lie well inside their range and agree with their distances."""
+    """Return a grid with all features; colours lie well inside their range and match the colour distances."""
     data = grid_graph(3, 4, len(NODE_NAMES), len(EDGE_NAMES), seed=seed)
     generator = torch.Generator().manual_seed(seed)
     data.x[:, COLORS] = 0.3 + 0.3 * torch.rand(12, 3, generator=generator)
@@ -75,7 +75,7 @@ def test_a_mirrored_graph_is_the_graph_of_the_mirrored_frame(
     plain = build_graph(Frame(frame.rgb, frame.depth, camera), label_map)
     turned = build_graph(Frame(frame.rgb[:, ::-1], frame.depth[:, ::-1], turned_camera), label_map[:, ::-1].copy())
     mirrored = GraphAugmentation(**{**STILL, "mirror": 1.0})(plain, generator())
-    # The normals of a superpixel are one pixel's, and of no plane where its points lie on a line: they are left out.
+    # Leave out superpixels whose normal is that of a single pixel, or undefined because the points are collinear.
     kept = [k for k, name in enumerate(NODE_NAMES) if "normal" not in name]
     torch.testing.assert_close(mirrored.x[:, kept], turned.x[:, kept], rtol=0, atol=1e-5)
 
@@ -163,7 +163,7 @@ def test_selected_groups_change_as_they_do_among_all(node: list[str], edge: list
     options = {**STILL, "mirror": 1.0, "gain": 0.1, "brightness": 0.03}
     data = graph()
     whole = GraphAugmentation(**options)(data, generator())
-    # In the declared order, whatever the order of the selection.
+    # The order is the declared one, not that of the selection.
     nodes = [NODE_NAMES.index(name) for group in NODE_GROUPS if group in node for name in NODE_GROUPS[group]]
     edges = [EDGE_NAMES.index(name) for group in EDGE_GROUPS if group in edge for name in EDGE_GROUPS[group]]
     part = data.clone()
@@ -171,7 +171,7 @@ def test_selected_groups_change_as_they_do_among_all(node: list[str], edge: list
     changed = GraphAugmentation(node, edge, **options)(part, generator())
     torch.testing.assert_close(changed.x, whole.x[:, nodes])
     if "distance" in edge and "rgb" not in node:
-        # Without colours, their distances are scaled by the mean gain.
+        # Without colour features, colour distances are scaled by the mean gain.
         ratio = changed.edge_attr[:, -1] / part.edge_attr[:, -1]
         torch.testing.assert_close(ratio, ratio[:1].expand_as(ratio))
         edges, changed.edge_attr = edges[:-1], changed.edge_attr[:, :-1]

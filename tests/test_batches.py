@@ -1,4 +1,4 @@
-"""Batches hold what PyG's own would, in an order that depends on seed and epoch only."""
+"""Batches have the same content as PyG's, in an order that depends only on seed and epoch."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ def check_numbers(rows) -> None:
 
 @pytest.fixture
 def fresh_starts(monkeypatch) -> list[dict[str, str]]:
-    """Jobs of fresh processes are done in this one, which has imported everything; their environments are kept."""
+    """Run the jobs of fresh processes in this process, where everything is imported, and record their environments."""
     environments = []
 
     def do_here(job, environment=None):
@@ -91,8 +91,8 @@ def test_all_sections_in_their_order_with_their_columns(capsys, fresh_starts, mo
     assert [row["cache"] for row in tables["first_call"]] == ["cold", "warm"]
     assert all(row["process_s"] > row["first_call_s"] for row in tables["first_call"])
     *memory, cold, warm = fresh_starts
-    assert memory == [{}, {}, {}]  # ours once before it is measured, so that nothing is left to compile
-    # A folder of their own, which the second finds filled by the first.
+    assert memory == [{}, {}, {}]  # ours runs once before the measurement, so that everything is compiled
+    # Both use the same separate folder, so that the second process finds it filled.
     assert set(cold) == {"NUMBA_CACHE_DIR"}
     assert cold == warm
     assert [(row["superpixels"], row["frames"]) for row in tables["prepare"]] == [("FastSlic", 3), ("Slic", 1)]

@@ -38,7 +38,7 @@ def test_the_numbers_of_a_chain_of_segments() -> None:
             "objectness_least": logit(0.6),
         }
     )
-    # A segment of one superpixel has no inner edge that speaks against it; a pair that doesn't touch counts a pixel.
+    # A segment of one superpixel has no inner edge against it; a pair that does not touch counts like one pixel.
     row = dict(zip(SEGMENT_FEATURES, features[2].tolist(), strict=True))
     assert row["inner_merge"] == row["inner_merge_least"] == logit(0.999)
     assert row["outer_cut"] == pytest.approx(logit((60 * 0.6 + 1 * 1.0) / 61))
@@ -54,7 +54,7 @@ def test_the_fit_recovers_the_probabilities_that_made_the_data() -> None:
     assert np.abs(scores - truth).mean() < 0.01
     assert scores.mean() == pytest.approx(right.mean(), abs=1e-5)
     assert expected_calibration_error(scores, right) < 0.015
-    # As plain numbers there and back.
+    # The round trip through plain numbers changes nothing.
     config = json.loads(json.dumps(describe(calibration)))
     assert (instantiate(config, ScoreCalibration)(features) == scores).all()
 
@@ -82,7 +82,8 @@ def test_what_cannot_be_fitted_or_read_is_refused() -> None:
 
 def test_right_segments_overlap_an_object_by_more_than_three_quarters() -> None:
     truth = np.array([[2] * 8 + [3] * 4 + [1] * 4, [-1] * 16])
-    # 0: 7 of the 8 pixels of 2. 1: 1 of 2 and 3 of 3. 2: all of the table and one of 3. 3: nothing but unknown truth.
+    # Segment 0 covers 7 of the 8 pixels of object 2; segment 1 covers one pixel of object 2 and three of object 3;
+    # segment 2 covers the table and one pixel of object 3; segment 3 covers only pixels of unknown ground truth.
     prediction = np.array([[0] * 7 + [1] * 4 + [2] * 5, [0] * 8 + [3] * 8])
     table = ContingencyTable.from_label_maps(prediction, truth)
     assert right_segments(table, 4).tolist() == [True, False, False, False]

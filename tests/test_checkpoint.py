@@ -1,4 +1,4 @@
-"""Checkpoints: what goes in comes out, and files from elsewhere do no harm."""
+"""Checkpoints are restored exactly, and untrusted files do no harm."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ HEAD = {"_target_": "sgbd.models.ObjectnessHead", "node_channels": 3}
 
 
 class OwnModel(EdgeClassifier):
-    """A user's class, in a package of the user's."""
+    """A user-defined class in a user's package."""
 
     def __init__(self, node_channels: int, edge_channels: int) -> None:
         super().__init__(node_channels, edge_channels)
@@ -38,7 +38,7 @@ def checkpoint(**recipe: Any) -> Checkpoint:
     graph = grid_graph(4, 5)
     for module in (model, head):
         module.standardize_nodes.fit([graph.x])
-        module.train()(graph)  # running moments differ from their start
+        module.train()(graph)  # running moments differ from their initial values
     return Checkpoint(model, head, {"model": MLP, "objectness": HEAD, **recipe})
 
 

@@ -1,4 +1,4 @@
-"""The commands as they are typed, from files on disk to files on disk, on small frames that are hard in some way."""
+"""The commands as typed by users, from files to files, on small frames with edge cases."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Command = Callable[..., int]
 
 @pytest.fixture
 def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
-    """Run a command in this process and return its exit status; what Hydra leaves behind is taken away again."""
+    """Run a command in this process and return its exit status; Hydra's global state is reset afterwards."""
     handlers, level = logging.root.handlers[:], logging.root.level
     monkeypatch.chdir(tmp_path)
 
@@ -67,7 +67,7 @@ def crop(frame: Frame, height: int, width: int) -> Frame:
 
 
 def hard_frames(folder: Path) -> None:
-    """Frames of one instance, without any object, of one superpixel, and of one pixel."""
+    """Write frames with one instance, without any object, with one superpixel, and with one pixel."""
     flat = np.ones((40, 56), np.float32)
     gray = np.full((40, 56, 3), 120, np.uint8)
     write(Frame(gray, flat, instances=np.zeros(flat.shape, np.int32)), "one_instance", folder)
@@ -197,12 +197,12 @@ def test_a_checkpoint_is_tuned_into_another_file(
     assert new.recipe["dataset"] == old.recipe["dataset"]
     weights = new.model.state_dict()
     assert all(value.equal(weights[key]) for key, value in old.model.state_dict().items())
-    # Its scores on the same frames are those that the search has seen.
+    # Its scores on the same frames equal those found by the search.
     assert command("evaluate", *data, "checkpoint=tuned", "split=val", "pictures=0", "hydra.run.dir=scored") == 0
     scores = json.loads((tmp_path / "scored" / "scores.json").read_text())
     for name in ("overlap_f", "f75", "boundary_f"):
         assert scores[f"unaided/{name}"] == pytest.approx(best[name])
-    # What cannot work is told before anything is written.
+    # Impossible requests are reported before anything is written.
     assert command("tune", *tune, "output=trained", "hydra.run.dir=again") == 1
     assert "output=trained is the checkpoint that is to be tuned; name another file" in capsys.readouterr().err
     assert trained.read_bytes() == before
@@ -256,7 +256,7 @@ def test_a_missing_folder_says_what_is_expected(
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An untrained model's checkpoint: enough for what is tested on it."""
+    """The checkpoint of an untrained model, which is sufficient for these tests."""
     from hydra import compose, initialize_config_dir
     from hydra.utils import instantiate
     from omegaconf import OmegaConf
@@ -284,7 +284,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def full_after(monkeypatch: pytest.MonkeyPatch):
-    """Let the disk be full when a file of some name is to be made durable."""
+    """Simulate a full disk when a file with one of the given names is synced."""
     fsync = os.fsync
 
     def fill(*names: str) -> None:
@@ -306,7 +306,7 @@ def test_a_disk_that_is_full_in_training_costs_no_finished_epoch(
 ) -> None:
     here = (*SMALL, f"dataset.root={frames}", "workers=0", "pictures=0")
     assert command("train", *here, "hydra.run.dir=whole") == 0
-    # Each time a little later.
+    # The disk gets full at successively later steps.
     for file in ("checkpoint.safetensors", "state.pt", "curves.png", "frames.csv", "result.json"):
         full_after(f".{file}.")
         assert command("train", *here, "hydra.run.dir=broken") == 1

@@ -39,7 +39,7 @@ def test_models_baselines_and_label_images_side_by_side(
     }
     assert rows.loc["other", "unaided/f75"] == 0.5
     assert np.isnan(rows.loc["threshold_cut", "unaided/f75"])
-    # As python -m sgbd.evaluate scores the model.
+    # The scores equal those of python -m sgbd.evaluate.
     evaluated = ("dataset=folder", f"dataset.root={frames}", f"checkpoint={trained}", "workers=0", "pictures=0")
     assert command("evaluate", *evaluated, "hydra.run.dir=evaluated") == 0
     for name, score in json.loads((tmp_path / "evaluated/scores.json").read_text()).items():

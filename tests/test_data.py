@@ -95,7 +95,7 @@ def test_pyg_batches_it(recipe_folder: Path, in_memory: bool, workers: int) -> N
     batch, second = batches[0], dataset[1]
     assert batch.name == list(dataset.names[:4])
     assert batch.image_size.tolist() == [[24, 32]] * 4
-    # Everything that counts superpixels is shifted by those of the graphs before.
+    # All superpixel indices are shifted by the number of superpixels in the preceding graphs.
     place = slice(second.edge_label_index.shape[1], 2 * second.edge_label_index.shape[1])
     assert torch.equal(batch.edge_label_index[:, place], second.edge_label_index + dataset[0].num_nodes)
     assert torch.equal(

@@ -30,7 +30,7 @@ def images(count: int, height: int = HEIGHT, width: int = WIDTH, seed: int = 0) 
 
 
 def attention_by_hand(folder: Path, image: np.ndarray) -> np.ndarray:
-    """The last block's [CLS] attention from the raw tensors of the file, step by step in float64."""
+    """Compute the [CLS] attention of the last block from the raw tensors of the file, step by step in float64."""
     tensors = {name: tensor.double().numpy() for name, tensor in load_file(folder / "model.safetensors").items()}
     config = json.loads((folder / "config.json").read_text())
     size, heads, patch = config["hidden_size"], config["num_attention_heads"], config["patch_size"]

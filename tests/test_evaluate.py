@@ -16,7 +16,7 @@ from tests.test_commands import Command, command, frames  # noqa: F401
 
 @pytest.fixture
 def label_images(tmp_path: Path) -> Path:
-    """The truth of one test frame, and of the other with the objects merged."""
+    """Write the ground truth of one test frame, and that of the other one with its objects merged."""
     folder = tmp_path / "other_system"
     folder.mkdir()
     iio.imwrite(folder / "scene5.png", np.maximum(scene(5).instances - 1, 0).astype(np.uint16))

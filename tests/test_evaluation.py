@@ -16,14 +16,14 @@ from tests.scenes import Scenes
 
 
 class Truth(torch.nn.Module):
-    """An edge model that looks at the answer."""
+    """An oracle edge model that uses the ground truth."""
 
     def forward(self, data: Data) -> torch.Tensor:
         return (data.edge_label * 2 - 1) * 10
 
 
 class TrueObjects(torch.nn.Module):
-    """An objectness head that looks at the answer."""
+    """An oracle objectness head that uses the ground truth."""
 
     def forward(self, data: Data) -> torch.Tensor:
         return torch.where(data.node_instance >= 2, 10.0, -10.0)
@@ -103,7 +103,7 @@ def test_models_are_left_in_the_mode_they_were_in(graphs: SuperpixelGraphDataset
 
 
 class Elsewhere(torch.nn.Module):
-    """A model on the device of tensors without values, so that the graphs must be moved to it."""
+    """A model on PyTorch's "meta" device, to which the graphs must be moved."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -146,7 +146,7 @@ def test_boundaries_change_no_other_score(graphs: SuperpixelGraphDataset, tmp_pa
 def test_frames_and_categories_tell_seen_from_unseen(graphs: SuperpixelGraphDataset) -> None:
     evaluation = Evaluator(ConnectedComponents(), boundaries=False)(graphs, Truth())
     assert evaluation.categories["seen"].to_dict() == {"can": True, "mug": True, "bowl": False}
-    # Every frame shows each category once: the mean over frames of the one unseen category is its score.
+    # Every frame shows each category once, so the score of the only unseen category is its mean over frames.
     unseen = evaluation.frames["unseen_overlap_f_measure"]
     assert unseen.mean() == pytest.approx(evaluation.scores["unseen/overlap_f"])
     seen = evaluation.frames["seen_overlap_f_measure"]

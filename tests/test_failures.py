@@ -38,15 +38,15 @@ def test_what_is_found_is_no_failure() -> None:
     [
         # Nothing covers object 3.
         ([0, 0, 0, 0, 5, 5, 5, 5, 0, 0, 0, 0, 0, 0, 0, 0], {3: MISSED}, ()),
-        # A quarter of it is covered: what is missing weighs most.
+        # A quarter of object 3 is covered: the missing part dominates.
         ([0, 0, 0, 0, 5, 5, 5, 5, 7, 0, 0, 0, 0, 0, 0, 0], {3: MISSED}, ()),
         # Object 2 in two halves.
         ([0, 0, 0, 0, 5, 5, 6, 6, 7, 7, 7, 7, 0, 0, 0, 0], {2: OVER_SPLIT}, ()),
-        # One segment for both objects: both are lost, for F is 2 * 4 / (4 + 8).
+        # One segment for both objects: neither is found, because F = 2 * 4 / (4 + 8).
         ([0, 0, 0, 0, 5, 5, 5, 5, 5, 5, 5, 5, 0, 0, 0, 0], {2: OVER_MERGED, 3: OVER_MERGED}, ()),
-        # Object 3 with the table beside it, which is as large: half of the segment lies on the object.
+        # Object 3 with an equally large part of the table: half of the segment lies on the object.
         ([0, 0, 0, 0, 5, 5, 5, 5, 7, 7, 7, 7, 7, 7, 7, 7], {3: WITH_TABLE}, ()),
-        # The table alone, and the wall.
+        # Only table, and only wall.
         ([9, 9, 0, 0, 5, 5, 5, 5, 7, 7, 7, 7, 8, 8, 8, 8], {}, (8, 9)),
     ],
     ids=["uncovered", "mostly uncovered", "split", "merged", "with table", "table"],
@@ -59,7 +59,7 @@ def test_kinds(prediction: list[int], kinds: dict[int, str], false: tuple[int, .
 
 
 def test_of_equal_causes_the_first_counts() -> None:
-    # Object 2: two pixels missing, two on a segment of their own.
+    # Object 2: two pixels are missing, two have a separate segment.
     assert classify([0, 0, 0, 0, 5, 5, 0, 0, 7, 7, 7, 7, 0, 0, 0, 0]).kind_of_object == {2: MISSED}
     truth = np.array([[2, 2, 2, 2, 1, 1, 1, 1]])
     assert classify([5, 5, 6, 0, 0, 0, 0, 0], truth=truth).kind_of_object == {2: MISSED}
@@ -71,7 +71,7 @@ def test_what_no_partition_of_the_superpixels_finds_is_their_failure() -> None:
     # The best partition has object 2, but not object 3: its superpixels went to the table.
     oracle = [0, 0, 1, 1, 2, 2, 2, 2, 1, 1, 1, 3, 1, 1, 1, 1]
     assert classify(merged, oracle).kind_of_object == {2: OVER_MERGED, 3: SUPERPIXEL_LEAK}
-    # What is found is no leak, whatever the oracle.
+    # A found object is not a leak, whatever the oracle says.
     right = [0, 0, 0, 0, 5, 5, 5, 5, 7, 7, 7, 7, 0, 0, 0, 0]
     assert classify(right, oracle).kind_of_object == {}
 

@@ -27,14 +27,14 @@ def _node(frame: Frame, label_map: npt.NDArray[np.int32]) -> dict[str, npt.NDArr
 
 
 def _edge(frame: Frame, label_map: npt.NDArray[np.int32]) -> tuple[dict[str, float], dict[str, float]]:
-    """Features of the first edge, both ways."""
+    """Return the features of the first edge in both directions."""
     regions, borders = region_and_border_sums(frame, label_map)
     both = edge_features(borders.pairs, borders, regions, Geometry(regions, borders, frame.camera))
     return tuple(dict(zip(EDGE_NAMES, features[0].tolist(), strict=True)) for features in both)  # type: ignore
 
 
 def _ridge(towards_camera: bool) -> tuple[Frame, npt.NDArray[np.int32]]:
-    """Two planes that meet in a vertical edge in the middle, 45 degrees to either side."""
+    """Return two planes that meet in a vertical edge in the middle, at 45 degrees to either side."""
     height, width = 40, 80
     camera = Intrinsics(400.0, 400.0, (width - 1) / 2, (height - 1) / 2)
     slope = (np.arange(width) - camera.cx) / camera.fx
@@ -110,7 +110,7 @@ def test_convexity_is_positive_on_a_ridge_and_negative_in_a_valley() -> None:
     assert ridge["convexity"] == pytest.approx(np.sqrt(2), abs=0.01)
     assert valley["convexity"] == pytest.approx(-np.sqrt(2), abs=0.01)
     assert ridge["normal_agreement"] == pytest.approx(0, abs=0.01)
-    # Beyond a convex edge the other side lies behind the plane, in a valley before it.
+    # At a convex edge the other side lies behind the plane, at a concave edge in front of it.
     assert ridge["plane_distance"] < 0 < valley["plane_distance"]
     assert ridge["log_border_length"] == pytest.approx(np.log1p(40))
 
@@ -138,7 +138,7 @@ def test_features_are_finite_and_edges_the_same_both_ways(
     assert np.isfinite(node_features(frame, regions, geometry)).all()
     forward, backward = edge_features(borders.pairs, borders, regions, geometry)
     assert np.isfinite(forward).all()
-    # The reversed pairs, asked for by themselves, have what is called backward here.
+    # The features of the reversed pairs equal those returned as backward features.
     reversed_borders = Borders(borders.pairs[::-1], borders.sums)
     again, _ = edge_features(borders.pairs[::-1], reversed_borders, regions, geometry)
     np.testing.assert_allclose(again, backward, atol=1e-5)
@@ -177,6 +177,6 @@ def test_planes_equal_those_of_lapack(label_map: npt.NDArray[np.int32], data: st
     assert ((geometry.normal * geometry.centroid).sum(1) <= 1e-12).all(), "normals face the camera"
     smallest = np.where(fitted, np.maximum(variances[:, 0], 0), 0)
     np.testing.assert_allclose(geometry.residual**2 / scale, smallest / scale, atol=1e-12)
-    # Where two variances are equal any direction between their axes is right: ask whether it is an eigenvector.
+    # If two variances are equal, any direction in their plane is correct: check that it is an eigenvector.
     along = np.einsum("nab,nb->na", covariance, geometry.normal) - variances[:, :1] * geometry.normal
     np.testing.assert_allclose((along / scale[:, None])[fitted], 0, atol=1e-9)

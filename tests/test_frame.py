@@ -1,4 +1,4 @@
-"""The frame's validation: what comes in is brought to one form, or an error says what to do."""
+"""Frame validation: input is converted to a standard form, or an error explains what to do."""
 
 from __future__ import annotations
 

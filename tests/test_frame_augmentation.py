@@ -1,4 +1,4 @@
-"""Augmented frames stay consistent: colours, depth, truth and camera change together."""
+"""Augmented frames stay consistent: colours, depth, ground truth and camera change together."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def frame(height: int = 40, width: int = 60) -> Frame:
 
 
 def points(seen: Frame) -> np.ndarray:
-    """The frame's pixels in space, with their truth."""
+    """Return the 3D points of the pixels with their ground truth."""
     rows, columns = np.indices(seen.depth.shape)
     camera, z = seen.camera, seen.depth
     x, y = (columns - camera.cx) / camera.fx * z, (rows - camera.cy) / camera.fy * z
@@ -57,7 +57,7 @@ def test_an_enlarged_window_shows_the_same_points_in_space() -> None:
     assert seen.rgb.shape == (40, 60, 3)
     assert seen.categories == {3: "bag"}
     window = points(frame())[20:40, 30:60]
-    # Each pixel became four, whose centres lie a quarter of a pixel around its own.
+    # Each pixel became four pixels, whose centres are a quarter of a pixel away from its own.
     blocks = points(seen).reshape(20, 2, 30, 2, 4)
     np.testing.assert_allclose(blocks.mean(axis=(1, 3)), window, atol=1e-5)
     assert seen.camera == Intrinsics(100.0, 104.0, (31 - 30 + 0.5) * 2 - 0.5, (18 - 20 + 0.5) * 2 - 0.5)

@@ -42,7 +42,7 @@ def test_a_graph_of_three_superpixels() -> None:
     assert data.edge_attr.shape == (4, len(EDGE_NAMES))
     assert data.border_length.tolist() == [4, 4]
     assert data.area.tolist() == [8, 8, 8]
-    # The middle superpixel is half object 2, half surface 1: the smaller id has it.
+    # The middle superpixel is half object 2, half surface 1: the smaller id wins.
     assert data.node_instance.tolist() == [2, 1, 1]
     assert data.edge_label.tolist() == [0, 1]
     overlaps = zip(
@@ -153,7 +153,7 @@ def test_graphs_batch_and_any_layer_runs_on_them() -> None:
     ]
     batch = next(iter(DataLoader(graphs, batch_size=3)))
     assert batch.edge_label_index.tolist() == [[0, 1, 4, 5], [1, 2, 5, 6]]
-    # Superpixels of the overlap table move with their graph, instances keep their ids.
+    # Superpixel indices in the overlap table are shifted with their graph; instance ids are kept.
     assert batch.overlap_index.tolist()[-3:] == [4, 5, 6]
     assert batch.overlap_instance.tolist()[-3:] == [2, 3, 1]
     width, edge_width = len(NODE_NAMES), len(EDGE_NAMES)

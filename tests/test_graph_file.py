@@ -23,7 +23,7 @@ from sgbd.graph_file import (
 
 
 def assert_identical(a: Data, b: Data) -> None:
-    """Same fields in the same order, dtypes, shapes and bits (NaN equal to NaN, 0 different from -0)."""
+    """Check for identical fields, order, dtypes, shapes and bits (NaN equals NaN, 0 differs from -0)."""
     assert list(a.to_dict()) == list(b.to_dict())
     for key, value in a.to_dict().items():
         if isinstance(value, torch.Tensor):
@@ -81,7 +81,7 @@ def test_a_graph_is_restored_bit_for_bit(
     data.scale, data.count, data.flag, data.nothing = 0.1 + 0.2, 3, True, None
     path = tmp_path_factory.mktemp("graph") / "g.safetensors"
     write_graph(path, data, "f")
-    # None is how PyG says that a field is absent.
+    # PyG uses None for absent fields.
     assert_identical(data, read_graph(path))
 
 

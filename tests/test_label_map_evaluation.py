@@ -20,7 +20,7 @@ from tests.test_evaluation import Truth
 
 
 class TrueLabels:
-    """A method that looks at the answer."""
+    """An oracle method that uses the ground truth."""
 
     def __init__(self, decides_objects: bool) -> None:
         self.decides_objects = decides_objects
@@ -56,7 +56,7 @@ def test_methods_that_do_not_decide_have_no_unaided_score_and_no_false_objects()
 
 
 def test_it_is_the_metric_of_trained_models(tmp_path: Path) -> None:
-    """A label map of superpixels scores what a graph without any merged edge scores."""
+    """A label map of superpixels gets the same scores as a graph without merged edges."""
 
     class Cut(Truth):
         def forward(self, data):

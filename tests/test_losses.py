@@ -1,4 +1,4 @@
-"""The edge loss against its formula, term by term."""
+"""The edge loss compared with its formula, term by term."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ WEIGHTS = [1.0, 2.0, 4.0, 0.5, 0.0]
 
 
 def by_hand(gamma: float, weights: list[float]) -> float:
-    """The weighted mean of -(1 - p)^gamma log p, p the probability of the right label."""
+    """Return the weighted mean of -(1 - p)^gamma log p, where p is the probability of the correct label."""
     total = 0.0
     for logit, label, weight in zip(LOGITS, LABELS, weights, strict=True):
         merge = 1 / (1 + math.exp(-logit))
@@ -25,7 +25,7 @@ def by_hand(gamma: float, weights: list[float]) -> float:
 
 
 def balanced(weights: list[float]) -> list[float]:
-    """The weights with those of each class summing to 1."""
+    """Return the weights, normalised to sum to 1 in each class."""
     sums = {value: sum(w for w, label in zip(weights, LABELS, strict=True) if label == value) for value in set(LABELS)}
     return [weight / sums[label] for weight, label in zip(weights, LABELS, strict=True)]
 
@@ -60,7 +60,7 @@ def test_sure_pairs_leave_the_gradient_finite(gamma: float, size: float) -> None
     loss.backward()
     assert float(loss.detach()) == pytest.approx(size / 2, rel=1e-5)
     assert logits.grad is not None
-    # Right pairs pull no more, wrong ones in full.
+    # Correct pairs have no gradient, wrong ones the full gradient.
     torch.testing.assert_close(logits.grad, torch.tensor([0.0, 0.0, 0.25, -0.25]), rtol=1e-3, atol=1e-4)
 
 

@@ -16,7 +16,7 @@ def test_the_order_of_the_overlaps_does_not_matter() -> None:
 
 
 def test_a_superpixel_most_of_which_is_ignored_has_no_label() -> None:
-    # Of 10 pixels each: 4 of 10 known, half known, all known in two pieces, none known.
+    # Superpixels of 10 pixels: 4 known, half known, all known in two pieces, none known.
     superpixel = np.array([0, 1, 2, 2])
     instance = np.array([2, 2, 3, 4])
     count = np.array([4, 5, 4, 6])

@@ -1,4 +1,4 @@
-"""A block of columns beside prepared graphs, made by a block that needs no weights: the mean of the colours."""
+"""A cached node block next to prepared graphs, tested with a block that needs no weights: the mean colours."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_the_columns_are_appended_in_the_order_of_the_superpixels(prepared: Path
     whole = SuperpixelGraphDataset(prepared)
     for data, every in zip(dataset, whole, strict=True):
         assert torch.equal(data.x[:, :4], every.x[:, node_columns(["rgb", "depth"])])
-        # The mean colour is also a feature of every graph.
+        # The mean colour is also a feature of the graphs.
         assert torch.allclose(data.x[:, 4:], every.x[:, node_columns(["rgb"])], atol=1e-5)
     assert whole.node_channels == len(node_columns()), "all features are those of every graph"
 

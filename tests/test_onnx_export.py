@@ -41,7 +41,7 @@ SIZES = ((1, 0), (5, 0), (2, 1), (3, 2), (11, 30), (200, 600))
 
 
 def made(*overrides: str) -> Checkpoint:
-    """Networks whose buffers are not what they start as, so that nothing passes because it does nothing."""
+    """Return networks with changed buffers, because initial buffers have no effect and would hide errors."""
     with initialize_config_dir(str(CONF), version_base="1.3"):
         config = compose("train", list(overrides))
     GlobalHydra.instance().clear()
@@ -61,7 +61,7 @@ def made(*overrides: str) -> Checkpoint:
 
 @functools.cache
 def exported(*overrides: str) -> tuple[Checkpoint, bytes]:
-    """A checkpoint and its file, made once for all tests; they must not change either."""
+    """A checkpoint and its file, created once for all tests, which must not change them."""
     checkpoint = made(*overrides)
     return checkpoint, to_onnx(checkpoint)
 
@@ -79,7 +79,7 @@ def test_shipped_models_agree_on_graphs_of_every_size(model: str) -> None:
 
 @pytest.mark.parametrize("model", ["gated_gcn", "symmetric_gcn"])
 def test_gates_that_are_all_but_shut_agree(model: str) -> None:
-    """A node divides by the sum of its gates: a sigmoid that is exact to 1e-7 of 1 would not do."""
+    """A node divides by the sum of its gates, so a sigmoid with an absolute error of 1e-7 is not accurate enough."""
     checkpoint = made(f"model={model}", "features=all")
     for layer in checkpoint.model.layers:  # type: ignore[union-attr]
         with torch.no_grad():

@@ -25,7 +25,7 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
 
 
 def _imported_by(code: str) -> set[str]:
-    """Modules that are there after some code has run in a fresh process."""
+    """Return the modules loaded after running code in a fresh process."""
     report = "; import sys; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code + report], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,4 @@
-"""The package as others install it: a wheel, outside of any checkout."""
+"""The package installed from a wheel, outside any checkout."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def wheel(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def installed(wheel, tmp_path_factory) -> Path:
-    """Folder that the wheel is installed into; its dependencies are those of the tests."""
+    """Folder with the installed wheel; dependencies come from the test environment."""
     folder = tmp_path_factory.mktemp("installed")
     pip = (sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--target", str(folder))
     done = run(*pip, str(wheel), cwd=folder)
@@ -99,7 +99,7 @@ print(json.dumps(shown))
 
 @pytest.fixture(scope="module")
 def outputs(installed, tmp_path_factory) -> dict:
-    """What the installed commands print in a folder that has nothing to do with the checkout."""
+    """Output of the installed commands, run in a folder unrelated to the checkout."""
     folder = tmp_path_factory.mktemp("elsewhere")
     (folder / "my_models.py").write_text(MODEL)
     (folder / "options" / "model").mkdir(parents=True)

@@ -133,7 +133,7 @@ def test_frames_are_segmented_in_turn_and_unreadable_ones_told_in_their_place(
 
 
 def test_the_lists_of_tum_come_before_folders_of_the_same_names(tmp_path: Path) -> None:
-    # Read as rgb/ and depth/ of one's own, the depth would be five times too large.
+    # Read as plain rgb/ and depth/ folders, the depth would be five times too large.
     for folder, image in {"rgb": scene(0).rgb, "depth": (scene(0).depth * 5000).round().astype(np.uint16)}.items():
         (tmp_path / folder).mkdir()
         iio.imwrite(tmp_path / folder / "1.png", image)

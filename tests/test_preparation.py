@@ -92,7 +92,7 @@ def test_splits_share_a_recipe_and_other_recipes_have_other_folders(dataset: Pat
     first = prepare(Boxes(dataset), Grid(), GraphBuilder(), cache, progress=False)
     assert prepare(Boxes(dataset, "test"), Grid(), GraphBuilder(), cache, progress=False) == first
     assert len(index_of(first / "test")["names"]) == 2
-    # The default given explicitly is the same recipe.
+    # An explicitly given default does not change the recipe.
     assert prepare(Boxes(dataset), Grid(size=4), build_graph, cache, progress=False) != first
     others = {
         prepare(Boxes(dataset), superpixels, graph, cache, progress=False)
@@ -250,7 +250,7 @@ if __name__ == "__main__":
 
 
 def start(folder: Path, workers: int, seconds: float) -> "subprocess.Popen[str]":
-    """Prepare in another process, so slowly that it is still at work when a busy machine lets the test go on."""
+    """Prepare in another process, slowly enough that it is still running when the test continues on a busy machine."""
     script = folder / "prepare_boxes.py"
     script.write_text(
         SCRIPT.format(
@@ -310,7 +310,7 @@ def test_killed_at_any_moment_it_goes_on_where_it_was(many: Path, caplog: pytest
 def test_interrupted_it_stops_cleanly_and_says_how_to_go_on(many: Path) -> None:
     process = start(many, workers=2, seconds=0.5)
     split = wait_for_graphs(many / "cache", 3)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers, too
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does, also to the workers
     errors = process.communicate(timeout=300)[1]
     assert process.returncode not in (0, None)
     assert f"of {MANY} graphs of train are prepared and kept; run the same command again to go on" in errors
@@ -371,7 +371,7 @@ def test_a_finished_cache_can_be_read_only(dataset: Path, tmp_path: Path, monkey
 
 
 class Named(Boxes):
-    """Boxes under other names."""
+    """Boxes with different names."""
 
     chosen: tuple[str, ...] = ()
 

@@ -1,4 +1,4 @@
-"""The model inside the package: small, whole, and good for frames that it was not trained on."""
+"""The packaged model: small, complete, and accurate on frames that it was not trained on."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def segmenter() -> Segmenter:
 
 
 def overlap_f(segmenter: Segmenter, frame: Frame) -> float:
-    """Overlap F of what the model itself takes for objects."""
+    """Return overlap F of the segments that the model predicts to be objects."""
     found = segmenter.segment_frame(frame).instances
     table = ContingencyTable.from_label_maps(np.where(found > 0, found + 1, 0), frame.instances)
     return overlap_scores(table).f_measure

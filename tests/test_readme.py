@@ -1,4 +1,4 @@
-"""What the documentation tells people to type exists: commands, options, links and names."""
+"""The documentation is valid: its commands, options, links and names exist."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from tests.jobs.test_configuration import CONF, composed
 ROOT = CONF.parent
 PAGES = {page: (ROOT / page).read_text() for page in ("README.md", "experiments/README.md")}
 MADE_UP = {"mine", "mine_closed"}
-"""Options that a reader is told to write, or that a command writes."""
+"""Options that the reader creates, or that a command writes."""
 
 
 def blocks(page: str, language: str) -> list[str]:
-    """The code blocks of a page in one language."""
+    """Return the code blocks of a page in one language."""
     return re.findall(rf"^```{language}\n(.*?)^```", PAGES[page], re.MULTILINE | re.DOTALL)
 
 
 def typed(page: str) -> list[str]:
-    """Everything on a page that is to be typed at a prompt, one command each."""
+    """Return all shell commands on a page, one per item."""
     lines = "".join(blocks(page, "sh")).replace("\\\n", " ").splitlines()
     lines += re.findall(r"`((?:python|make) [^`]*)`", re.sub(r"^```.*?^```", "", PAGES[page], flags=re.M | re.S))
     return list(dict.fromkeys(line for line in lines if line.strip() and not line.startswith("#")))
 
 
 def commands(start: str) -> list[tuple[str, ...]]:
-    """The words of every command that starts so, with something in the place of what the reader fills in."""
+    """Return the words of every command with the given start; placeholders are filled in."""
     found = [
         tuple(shlex.split(re.sub("…", "x", line), comments=True))
         for page in PAGES
@@ -44,7 +44,7 @@ def commands(start: str) -> list[tuple[str, ...]]:
 
 
 def first_value(override: str) -> str:
-    """Of an override that is swept over, the one of the first job."""
+    """Return the override of the first job if a range of values is swept over."""
     parsed = OverridesParser.create().parse_override(override)
     if not parsed.is_sweep_override():
         return override

@@ -1,4 +1,4 @@
-"""The real datasets, from tiny trees in their own layouts to scores, and the commands that divide and label TOD."""
+"""The real datasets, from tiny datasets in their layouts to scores, and the commands that split and label TOD."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.test_commands import Command, command, trained  # noqa: F401
 
 
 def write_tod(root: Path, scenes: int = 3) -> None:
-    """Scenes of one view in each folder: a mug and, in every other scene of the test set, a bowl; no semantic masks."""
+    """Write one-view scenes without semantic masks: a mug and, in every second test scene, a bowl."""
     for folder in ("training_set", "test_set"):
         for number in range(scenes):
             frame = scene(number)
@@ -123,7 +123,7 @@ def test_a_split_is_built_written_and_read(
     assert len(set(everything)) == len(everything)
     for line in lists["test_open"]:
         assert line.startswith("test_set/"), "only scenes there show a bowl, which is unseen"
-    # The option that is written reads it; nothing is left out and nothing is said to be wrong.
+    # The written configuration reads all frames of the split without errors.
     with caplog.at_level(logging.WARNING), initialize_config_dir(str(config_folder()), version_base="1.3"):
         for name, test in (("mine", "test_open"), ("mine_closed", "test_closed")):
             config = OmegaConf.load(tmp_path / f"made/dataset/{name}.yaml")

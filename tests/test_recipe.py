@@ -144,7 +144,7 @@ def test_the_folder_is_called_by_dataset_and_hash() -> None:
 
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A package of three modules: `first` imports `second`; `third` stands alone."""
+    """Write a package of three modules: `first` imports `second`; `third` is independent."""
     folder = tmp_path / "some_package"
     folder.mkdir()
     (folder / "__init__.py").write_text("from some_package.second import value\n")

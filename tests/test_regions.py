@@ -52,7 +52,7 @@ def test_compiled_sums_equal_numpy(label_map: npt.NDArray[np.int32], data: st.Da
 
 
 def test_more_borders_than_connected_regions_can_have() -> None:
-    # Ids scattered over the map: 40 "regions" with 780 pairs, more than the table starts with.
+    # Randomly scattered ids: 40 "regions" with 780 pairs, more than the initial capacity of the table.
     rng = np.random.default_rng(0)
     scattered = rng.integers(0, 40, (60, 60)).astype(np.int32)
     frame = Frame(rng.integers(0, 256, (60, 60, 3), dtype=np.uint8), np.ones((60, 60), np.float32))

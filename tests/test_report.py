@@ -68,7 +68,7 @@ def test_a_folder_needs_no_key(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 
 @pytest.fixture
 def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[..., int]]:
-    """Run the command in this process and return its exit status; what Hydra leaves behind is taken away again."""
+    """Run the command in this process and return its exit status; Hydra's global state is reset afterwards."""
     handlers, level = logging.root.handlers[:], logging.root.level
 
     def run(*arguments: str) -> int:
@@ -127,7 +127,7 @@ def browser() -> Iterator:
 
 @pytest.fixture(scope="module")
 def page(browser, tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Two evaluations of two datasets, one of them with a frame that shows only unseen objects."""
+    """Write evaluations of two datasets, one of them with a frame that shows only unseen objects."""
     folder = tmp_path_factory.mktemp("results")
     frames = {"low": 0.1, "high": 0.9, NASTY: 0.5}
     write_run(folder / "first", frames, pictures=True, history=True, unseen_only=("high",))
@@ -150,7 +150,7 @@ def css(browser, selector: str) -> list:
 
 
 def choose(browser, name: str, value: str) -> None:
-    """Set a filter as a user does, telling the page of it."""
+    """Set a filter as a user does, and dispatch the event to the page."""
     browser.execute_script(
         "const e = document.querySelector(`#filters [name=${arguments[0]}]`); e.value = arguments[1];"
         "e.dispatchEvent(new Event('input', {bubbles: true}))", name, value,

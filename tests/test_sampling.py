@@ -1,4 +1,4 @@
-"""The sampler's rules, exactly, over a grid of graphs and settings."""
+"""The exact rules of the sampler, on a grid of graphs and settings."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def batch_of(graphs: list[list[float]]) -> Data:
 
 
 def drawn(batch: Data, sampled: Data) -> list[list[tuple[int, float, bool]]]:
-    """For every graph, the drawn pairs: first node in the graph, label, whether the ends were swapped."""
+    """Return the drawn pairs of each graph: first node in the graph, label, whether the ends were swapped."""
     result: list[list[tuple[int, float, bool]]] = [[] for _ in range(batch.ptr.numel() - 1)]
     for (i, j), label in zip(sampled.edge_label_index.t().tolist(), sampled.edge_label.tolist(), strict=True):
         assert abs(i - j) == 1
@@ -76,7 +76,7 @@ def test_the_papers_share_of_128() -> None:
 
 @pytest.mark.parametrize(("share", "value"), [(0.5, 1.0), (0.5, 0.0), (None, 0.0)])
 def test_every_pair_is_as_likely_as_the_others(share: float | None, value: float) -> None:
-    """Uniform with and without replacement: 8 pairs of which 4 are drawn, and 2 pairs of which 4 are."""
+    """Drawing is uniform without replacement (4 of 8 pairs) and with replacement (4 of 2 pairs)."""
     batch = batch_of([[value] * 8, [value, value]])
     sampler, generator = BalancedEdgeSampler(4, share), torch.Generator().manual_seed(0)
     counts = [Counter(), Counter()]

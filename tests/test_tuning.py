@@ -30,14 +30,14 @@ SMALL = {
 
 
 class TooMerging(torch.nn.Module):
-    """An edge model that ranks all edges rightly, but takes cuts for likely merges."""
+    """An edge model that ranks all edges correctly, but gives cuts a high merge probability."""
 
     def forward(self, data: Data) -> torch.Tensor:
         return torch.logit(torch.where(data.edge_label == 1, 0.85, 0.65))
 
 
 class TooStrict(torch.nn.Module):
-    """An objectness head that ranks all superpixels rightly, but finds objects unlikely."""
+    """An objectness head that ranks all superpixels correctly, but gives objects a low probability."""
 
     def forward(self, data: Data) -> torch.Tensor:
         return torch.logit(torch.where(data.node_instance >= 2, 0.4, 0.1))
@@ -55,7 +55,7 @@ def test_thresholds_that_separate_are_found(graphs: SuperpixelGraphDataset) -> N
     assert 0.1 < result.objects["min_objectness"] <= 0.4
     assert result.partition["_target_"] == COMPONENTS["_target_"]
     assert "border_weight" not in result.partition, "which connected components don't have"
-    # The table's numbers are those that an evaluation with the found settings gives.
+    # The numbers in the table equal those of an evaluation with the found settings.
     rule = ObjectRule(result.objects["min_objectness"], result.objects["min_area"])
     scores = Evaluator(ConnectedComponents(result.partition["threshold"]), rule)(
         graphs, TooMerging(), TooStrict()
@@ -69,7 +69,7 @@ def test_thresholds_that_separate_are_found(graphs: SuperpixelGraphDataset) -> N
 
 
 class NoObjects(ObjectRule):
-    """A rule of a user's own, by which nothing is an object."""
+    """A user-defined rule that accepts no object."""
 
     def accepts(self, objectness: np.ndarray, area: np.ndarray) -> np.ndarray:
         return np.zeros(len(area), bool)
@@ -91,7 +91,7 @@ def test_objectness_in_the_partition_is_found_where_it_helps(graphs: SuperpixelG
 
 
 def test_scores_are_calibrated_with_the_settings_found(graphs: SuperpixelGraphDataset) -> None:
-    # With 0.9 alone all superpixels are apart, and only some objects are one superpixel.
+    # With only the threshold 0.9, all superpixels stay separate, and only some objects are a single superpixel.
     given = {**SMALL, "threshold": [0.9], "min_objectness": [0.3]}
     start = {**COMPONENTS, "threshold": 0.9}
     result = Tuning(**given, rounds=0)(graphs, TooMerging(), TooStrict(), start, RULE)
@@ -158,7 +158,7 @@ def test_what_cannot_be_tuned_is_refused(graphs: SuperpixelGraphDataset) -> None
 
 
 class Even(torch.nn.Module):
-    """An edge model that knows nothing."""
+    """An uninformative edge model."""
 
     def forward(self, data: Data) -> torch.Tensor:
         return torch.zeros(data.edge_label_index.size(1))

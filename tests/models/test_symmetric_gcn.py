@@ -11,7 +11,7 @@ from sgbd.models.symmetric_gcn import SymmetricConvolution, SymmetricGCN, undire
 from tests.graph_samples import graph_of_pairs, grid_graph, path_graph
 
 SQUARE = torch.tensor([[0, 0, 1, 2, 1], [1, 2, 3, 3, 2]])
-"""Four nodes, all adjacent but 0 and 3."""
+"""Pairs of four nodes, all adjacent except 0 and 3."""
 
 
 def randomised(module: torch.nn.Module) -> torch.nn.Module:

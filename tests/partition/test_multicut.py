@@ -116,7 +116,7 @@ def test_parallel_edges_outvote_the_first():
 
 def test_ties_go_to_the_first_pair():
     pairs = np.array([[0, 1, 0], [1, 2, 2]])
-    weight = np.array([1.0, 1.0, -4.0])  # 0-1 and 1-2 are equal; joining all would cost
+    weight = np.array([1.0, 1.0, -4.0])  # 0-1 and 1-2 are tied; merging all would cost
     assert greedy_additive_edge_contraction(3, pairs, weight).tolist() == [0, 0, 1]
 
 

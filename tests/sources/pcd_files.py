@@ -1,4 +1,4 @@
-"""Point-cloud files made by hand, byte for byte as the format is described, without the reader that is tested."""
+"""Write point cloud files byte by byte according to the format description, independently of the tested reader."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ KINDS = {"f": "F", "u": "U", "i": "I"}
 
 
 def lzf(data: bytes) -> bytes:
-    """Compress: runs of one byte as a literal and a reference to it, the rest as literals of up to 32 bytes."""
+    """Compress with LZF: a run of one byte as a literal and a reference, the rest as literals of up to 32 bytes."""
     out, literal, place = bytearray(), bytearray(), 0
 
     def flush() -> None:
@@ -41,7 +41,7 @@ def lzf(data: bytes) -> bytes:
 def write_pcd(
     path: Path, columns: Mapping[str, npt.NDArray], height: int, width: int, encoding: str = "binary"
 ) -> None:
-    """Write a file with a field for each column, float32, uint32, ..."""
+    """Write a file with one field per column, float32, uint32, ..."""
     path.parent.mkdir(parents=True, exist_ok=True)
     arrays = {name: np.asarray(values).ravel() for name, values in columns.items()}
     header = [
@@ -70,6 +70,6 @@ def write_pcd(
 
 
 def pack_colors(rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint32]:
-    """Return the colours as PCL packs them, 0x00RRGGBB."""
+    """Return the colours packed as in PCL, 0x00RRGGBB."""
     red, green, blue = rgb.reshape(-1, 3).astype(np.uint32).T
     return (red << 16) | (green << 8) | blue

@@ -1,4 +1,4 @@
-"""Tiny trees in the layouts of OCID, OSD and mOSD."""
+"""Tiny datasets in the layouts of OCID, OSD and mOSD."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def millimeters(frame: Frame) -> npt.NDArray[np.uint16]:
 
 
 def write_cloud(path: Path, frame: Frame, labels: npt.NDArray | None, encoding: str, organized: bool = True) -> None:
-    """A frame as a point cloud of `SCENE_CAMERA`; without an order, points without depth are left out."""
+    """Write a frame as a point cloud of `SCENE_CAMERA`; if unorganised, without the points that have no depth."""
     rows, columns = np.indices(frame.depth.shape)
     camera = SCENE_CAMERA
     xyz = np.stack(
@@ -57,7 +57,7 @@ def with_holes(number: int) -> Frame:
 
 
 def mosd_labels(frame: Frame) -> npt.NDArray[np.int64]:
-    """0 no depth, 1-9 the table, 20-29 the parts of one object, ...; a part for each parity of the column."""
+    """Return mOSD labels: 0 no depth, 1-9 table, 20-29 one object, ...; even and odd columns are different parts."""
     assert frame.instances is not None
     parts = np.arange(frame.width)[None] % 2
     labels = np.where(frame.instances > 1, 10 * frame.instances + parts, 1 + parts)
@@ -65,7 +65,7 @@ def mosd_labels(frame: Frame) -> npt.NDArray[np.int64]:
 
 
 def write_mosd(root: Path) -> dict[str, Frame]:
-    """Frames learn0, learn2, learn10 and test0, in all encodings; test0 is unorganised."""
+    """Write frames learn0, learn2, learn10 and test0, in all encodings; test0 is unorganised."""
     kinds = {
         "learn/learn0": ("binary_compressed", True),
         "learn/learn2": ("binary", True),
@@ -85,7 +85,7 @@ def osd_labels(frame: Frame) -> npt.NDArray[np.uint8]:
 
 
 def write_osd(root: Path, clouds: bool = False) -> dict[str, Frame]:
-    """Frames learn0, learn10, learn2 and test1."""
+    """Write frames learn0, learn10, learn2 and test1."""
     frames = {name: with_holes(number) for number, name in enumerate(("learn0", "learn10", "learn2", "test1"))}
     for name, frame in frames.items():
         save(root / "image_color" / f"{name}.png", frame.rgb)
@@ -107,7 +107,7 @@ OCID_SEQUENCES = (
 
 
 def ocid_labels(frame: Frame, sequence: str) -> npt.NDArray[np.uint8]:
-    """On the floor 1 is the support; on a table the upper half of it is 1, the rest 2, and objects are one higher."""
+    """Return OCID labels: the support is 1 on the floor, 1 (upper half) and 2 on a table; objects follow."""
     assert frame.instances is not None
     if "/table/" not in sequence:
         return frame.instances.astype(np.uint8)
@@ -118,7 +118,7 @@ def ocid_labels(frame: Frame, sequence: str) -> npt.NDArray[np.uint8]:
 
 
 def write_ocid(root: Path, clouds: bool = False) -> dict[str, Frame]:
-    """Two frames in each of five sequences."""
+    """Write two frames in each of five sequences."""
     frames = {}
     for number, sequence in enumerate(OCID_SEQUENCES):
         for view in range(2):

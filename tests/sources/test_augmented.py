@@ -1,4 +1,4 @@
-"""Changed copies of training frames, and of no others."""
+"""Only training frames get augmented copies."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ LIBREALSENSE = {
 
 
 def write_recording(root: Path, colors: list[str], depths: list[str], camera: Any = None) -> Path:
-    """Colour image k is gray of 10 k, depth image k is 1000 + 100 k units away."""
+    """Write a recording; colour image k is gray of value 10 k, depth image k has 1000 + 100 k units."""
     for place, name in enumerate(colors):
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         iio.imwrite(root / name, np.full((6, 8, 3), 10 * place, np.uint8))

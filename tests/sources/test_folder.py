@@ -1,4 +1,4 @@
-"""Plain folders of frames, tiny ones and the real ones that lie beside a development checkout."""
+"""Plain folders of frames: tiny ones, and real ones next to a development checkout."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Image files: every kind that is accepted reads exactly, every other one is refused by name."""
+"""Image files: all supported kinds are read exactly, all others are rejected with the file name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""OCID's layout: both setups, and both kinds of scenes."""
+"""OCID's layout: both setups and both kinds of scenes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_all_frames_are_for_testing_by_default(tree: tuple[Path, dict[str, Frame
         true = frames[frame.name]
         np.testing.assert_array_equal(frame.rgb, true.rgb)
         np.testing.assert_allclose(frame.depth, true.depth, atol=6e-4)
-        # Both supports of a table scene are support: objects have the ids that they have on the floor, or one more.
+        # Both supports of a table scene become support; object ids equal those on the floor, or are one higher.
         shift = 1 if "/table/" in frame.name else 0
         expected = np.where(true.instances > 1, true.instances + shift, true.instances)  # type: ignore[operator]
         np.testing.assert_array_equal(frame.instances, expected)

@@ -22,7 +22,7 @@ def test_frames_with_depth_images(tmp_path: Path) -> None:
         true = frames[frame.name]
         np.testing.assert_array_equal(frame.rgb, true.rgb)
         np.testing.assert_allclose(frame.depth, true.depth, atol=6e-4)
-        # Table and wall are one background here.
+        # In OSD, table and wall are both background.
         np.testing.assert_array_equal(frame.instances, np.where(true.instances > 1, true.instances, 0))  # type: ignore[operator]
         assert frame.intrinsics == KINECT
 

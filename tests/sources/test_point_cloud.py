@@ -24,7 +24,7 @@ LABELS = np.arange(12, dtype=np.uint32).reshape(3, 4)
 
 
 def points_of(depth: np.ndarray, camera: Intrinsics) -> np.ndarray:
-    """float32 [H, W, 3]; NaN where there is no depth."""
+    """Return points, float32 [H, W, 3]; NaN if there is no depth."""
     rows, columns = np.indices(depth.shape)
     xyz = np.stack([(columns - camera.cx) / camera.fx * depth, (rows - camera.cy) / camera.fy * depth, depth], axis=2)
     return np.where(depth[..., None] > 0, xyz, np.nan).astype(np.float32)
@@ -133,7 +133,7 @@ def test_truncated_files_are_named(tmp_path: Path, encoding: str, kept: float) -
     write_pcd(path, columns(), 3, 4, encoding)
     content = path.read_bytes()
     start = content.index(b"DATA")
-    # An end of line within the last row would leave a shorter number, which nobody could tell.
+    # Cutting within the last number of an ascii row would leave a shorter, undetectable number.
     path.write_bytes(content[: start + int(kept * (len(content) - start)) - 10])
     with pytest.raises(FrameReadError, match=r"a\.pcd"):
         read_point_cloud(path)

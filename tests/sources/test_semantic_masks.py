@@ -1,4 +1,4 @@
-"""Semantic masks from the meshes of the scenes."""
+"""Semantic masks derived from the meshes of the scenes."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_masks_hold_the_categories_of_the_meshes(root: Path) -> None:
     segmentation, semseg = masks()
     mask = read_labels(root / "training_set/scene_00000/semseg_00002.png")
     np.testing.assert_array_equal(mask, np.where(segmentation == 3, 0, semseg))
-    # Read from the mask, the categories are what they were when read from the meshes.
+    # The categories read from the masks equal those read from the meshes.
     assert Tod(root, "train")[0].categories == before == {2: "mug"}
     assert not (root / "training_set/scene_00001/semseg_00002.png").exists()
 

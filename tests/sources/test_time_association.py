@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from sgbd.sources.time_association import associate
 
-# Multiples of a quarter, so that differences are exact and ties happen.
+# Multiples of a quarter give exact differences and ties.
 TIMES = st.lists(st.integers(0, 40).map(lambda quarter: quarter / 4), max_size=12)
 
 
@@ -13,7 +13,7 @@ def pairs(first: list[float], second: list[float], tolerance: float) -> list[tup
 
 
 def test_each_is_the_nearest_of_the_other() -> None:
-    # 0.11 is nearer to 0.12 than to 0.10, which is then without a partner within the tolerance.
+    # 0.11 is nearer to 0.12 than to 0.10, which then has no partner within the tolerance.
     assert pairs([0.10, 0.11, 5.0], [0.12, 5.03], 0.02) == [(1, 0)]
     assert pairs([0.10, 0.11, 5.0], [0.12, 5.03], 0.04) == [(1, 0), (2, 1)]
 

@@ -1,4 +1,4 @@
-"""TOD's layout, read from tiny trees of exactly that layout."""
+"""Reading tiny datasets in TOD's layout."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def write_view(
 
 
 def masks() -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
-    """A table with a mug of 12 and a bowl of 4 pixels on it."""
+    """Write a table with a mug of 12 pixels and a bowl of 4 pixels on it."""
     segmentation = np.zeros(SIZE, np.uint8)
     segmentation[4:] = 1
     segmentation[5:8, 2:6] = 2
@@ -56,7 +56,7 @@ def masks() -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
 
 @pytest.fixture
 def root(tmp_path: Path) -> Path:
-    """Two training scenes and one test scene, of views 0 (room), 1 (empty table), 2 and 3."""
+    """Write two training scenes and one test scene with views 0 (room), 1 (empty table), 2 and 3."""
     segmentation, semseg = masks()
     table = np.minimum(segmentation, 1)
     for scene in ("training_set/scene_00000", "training_set/scene_00007", "test_set/scene_00000"):
@@ -321,7 +321,7 @@ def test_unseen_objects_can_be_ignored_in_training(root: Path) -> None:
     tested = Tod(root, "test", seen=["mug"], unseen_objects="ignore")[0]
     assert tested.categories == {2: "mug", 3: "bowl"}
     assert len(Tod(root, "train", seen=["mug"], unseen_objects="ignore")) == 4
-    # Of each scene, view 2 shows one bowl, view 3 none.
+    # In each scene, view 2 shows one bowl, view 3 none.
     assert len(Tod(root, "train", seen=["bowl"], unseen_objects="ignore", min_objects=1)) == 2
 
 

@@ -13,7 +13,7 @@ START = 1305031102
 
 
 def write_recording(root: Path, colors: list[float], depths: list[float], shape: tuple[int, int] = (6, 8)) -> Path:
-    """Colour image k is gray of 10 k, depth image k is 1 + k / 10 metres away."""
+    """Write a recording; colour image k is gray of value 10 k, depth image k is 1 + k / 10 metres away."""
     for folder, times in {"rgb": colors, "depth": depths}.items():
         (root / folder).mkdir(parents=True)
         lines = ["# images", "# timestamp filename"]
@@ -34,7 +34,7 @@ def test_frames_are_paired_by_time_and_units_are_a_five_thousandth(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO)
-    # The second colour image is 25 ms from the nearest depth image, and the last depth image is without a partner.
+    # The second colour image is 25 ms from the nearest depth image, and the last depth image has no partner.
     frames = TumRecording(write_recording(tmp_path, [0.0, 0.05, 0.1], [0.015, 0.075, 0.11, 0.5]))
     assert frames.names == (f"{START}.000000", f"{START}.100000")
     assert frames[1].rgb[0, 0].tolist() == [20, 20, 20]

@@ -16,7 +16,7 @@ def pair(folder: Path, n_colors: int, n_depths: int, **options: object) -> Video
 
 
 def gray(frames: VideoPair, index: int) -> int:
-    """The number of the colour image, from its gray."""
+    """Return the number of the colour image, derived from its gray value."""
     return round(float(frames[index].rgb.mean()) / 20)
 
 
@@ -93,7 +93,7 @@ def test_a_damaged_frame_is_its_own_error(tmp_path: Path) -> None:
     av = pytest.importorskip("av")
     noise = np.random.default_rng(0)
     images = [noise.integers(500, 4000, (32, 48)).astype(np.uint16) for _ in range(5)]
-    # PNG has checksums, the failure of which its decoder reports.
+    # PNG has checksums, so that its decoder reports damage.
     path = write_video(tmp_path / "d.mov", images, "png", "gray16be")
     with av.open(str(path)) as container:
         packet = [bytes(packet) for packet in container.demux(video=0)][2]

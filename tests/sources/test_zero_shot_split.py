@@ -1,4 +1,4 @@
-"""Splits of hand-made catalogues, and of a tree on disk."""
+"""Splits of hand-made catalogues and of a dataset on disk."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_numbers_of_objects_are_made_equal() -> None:
     objects = np.repeat(np.eye(3, dtype=np.int64), [50, 12, 4], axis=0)
     chosen = balanced_choice(objects, 12, np.random.default_rng(0))
     assert objects[chosen].sum(axis=0).tolist() == [4, 4, 4]
-    # When c is used up, the two others share the rest.
+    # When c is used up, a and b share the rest.
     chosen = balanced_choice(objects, 20, np.random.default_rng(0))
     assert objects[chosen].sum(axis=0).tolist() == [8, 8, 4]
 
@@ -127,7 +127,7 @@ def test_every_choice_is_the_best_next_one(objects: list[list[int]], size: int, 
         return float((total**2).sum() / total.sum() ** 2) if total.any() else np.inf
 
     for step, frame in enumerate(chosen):
-        # A frame without objects changes nothing: it is not taken while one with objects is no worse.
+        # A frame without objects does not affect the balance and comes after frames that do not worsen it.
         rest = [other for other in range(len(objects)) if other not in chosen[:step]]
         best = min(unevenness([*chosen[:step], other]) for other in rest)
         assert unevenness([*chosen[:step], frame]) == pytest.approx(best)
@@ -166,7 +166,7 @@ def test_a_catalogue_of_a_tree_on_disk(tmp_path: Path) -> None:
     for scene in ("training_set/scene_00000", "test_set/scene_00003"):
         write_view(tmp_path / scene, 0, np.zeros_like(segmentation), np.zeros_like(semseg))
         write_view(tmp_path / scene, 2, segmentation, semseg)
-    # Lists that are there don't count.
+    # Existing lists are ignored.
     (tmp_path / "train.txt").write_text("training_set/scene_00000/rgb_00002.jpeg\n")
     frames = catalog(Tod(tmp_path), min_object_pixels=5, progress=False)
     assert frames.files == ("training_set/scene_00000/rgb_00002.jpeg", "test_set/scene_00003/rgb_00002.jpeg")

@@ -1,4 +1,4 @@
-"""A made-up tabletop frame with everything that makes superpixels hard, and how good they are on it."""
+"""A made-up tabletop frame that is difficult for superpixels, and quality measures on it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sgbd.metrics.superpixel import (
 
 
 def made_up_frame(seed: int) -> Frame:
-    """A table with tilted, overlapping, coloured discs and boxes on it, noise in colour and depth, and holes."""
+    """Return a table with tilted, overlapping, coloured discs and boxes, with noise in colour and depth, and holes."""
     rng = np.random.default_rng(seed)
     height, width = 150, 201
     row, column = np.mgrid[:height, :width].astype(float)
@@ -43,7 +43,7 @@ def made_up_frame(seed: int) -> Frame:
 
 
 def quality(label_map: LabelMap, frame: Frame) -> npt.NDArray[np.float64]:
-    """Number of superpixels, then measures of which more is better."""
+    """Return the number of superpixels, followed by measures for which higher is better."""
     assert frame.instances is not None
     table = ContingencyTable.from_label_maps(label_map, frame.instances)
     valid = frame.depth > 0

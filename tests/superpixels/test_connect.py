@@ -35,7 +35,7 @@ def test_a_fragment_goes_to_the_neighbour_with_the_longest_border() -> None:
         ],
         np.int32,
     )
-    # Region 2 touches region 0 along four pixel sides and region 1 along two.
+    # Region 2 shares four pixel sides with region 0 and two with region 1.
     assert merge_fragments(label_map, 3).tolist() == [[0, 0, 0, 1, 1]] * 4
 
 
@@ -63,7 +63,7 @@ def test_merging_keeps_regions_connected_numbered_and_large_enough(
     sizes = np.bincount(merged.ravel())
     assert is_superpixel_map(merged)
     assert len(sizes) == 1 or sizes.min() >= min_size
-    # Merging never cuts: what was one region still is.
+    # Merging never splits a region.
     for region in range(label_map.max() + 1):
         assert len(np.unique(merged[label_map == region])) == 1
 

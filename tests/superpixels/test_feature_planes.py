@@ -39,7 +39,7 @@ def _smooth(planes: np.ndarray, sigma: float) -> np.ndarray:
 def test_lab_is_that_of_scikit_image() -> None:
     levels = np.array([0, 1, 5, 11, 40, 128, 200, 254, 255], np.uint8)
     rgb = np.stack(np.meshgrid(levels, levels, levels, indexing="ij"), axis=-1).reshape(27, 27, 3)
-    # One step of Halley's method: a fiftieth of what the eye can tell apart.
+    # Error of one step of Halley's method: a fiftieth of the just noticeable difference.
     np.testing.assert_allclose(_lab(rgb), rgb2lab(rgb), atol=0.02)
 
 
@@ -95,6 +95,6 @@ def test_missing_depth_does_not_bleed_into_smoothed_depth() -> None:
     result = unweighted(_smooth(planes, 1.5), planes)
     assert result[1].tolist() == planes[1].tolist()
     assert (result[0][depth == 0] == 0).all()
-    # Between the values of its valid neighbours, never pulled below them by the hole.
+    # Between the values of its valid neighbours; the hole must not pull it below them.
     assert result[0][depth == 1].min() >= -1e-6
     assert result[0][depth == 2].min() > 0.5

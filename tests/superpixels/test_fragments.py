@@ -32,7 +32,7 @@ def test_merging_is_that_of_merge_fragments(
 
 @pytest.mark.parametrize("min_size", [1, 6])
 def test_room_grows_with_the_pieces(min_size: int) -> None:
-    # A piece for each pixel: four times as many as there is room for at first.
+    # One piece per pixel: four times the initial capacity.
     board = (np.indices((64, 4 * fragments.FEW_PIECES // 64)).sum(0) % 2).astype(np.int32)
     expected = merge_fragments(connected_regions(board), min_size)
     assert connected_superpixels(board, board, min_size).tolist() == expected.tolist()

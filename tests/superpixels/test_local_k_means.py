@@ -80,7 +80,7 @@ def test_clustering_is_that_of_plain_loops(shape: tuple[int, int], weighted: boo
     labels = _assigned(planes, cells, cluster(planes, cells, weighted, iterations=2, subsample=1))
     row, column = np.mgrid[: shape[0], : shape[1]]
 
-    # The oracle: means and distances as they are written in the paper.
+    # The oracle computes means and distances as in the paper.
     cell = (np.searchsorted(cells.tops, row, "right") - 1) * (len(cells.lefts) - 1)
     cell = cell + np.searchsorted(cells.lefts, column, "right") - 1
     weight = planes[1].astype(float) if weighted else np.ones(shape)
@@ -106,7 +106,7 @@ def test_clustering_is_that_of_plain_loops(shape: tuple[int, int], weighted: boo
             distances[c][near] = (weight * apart + squared / cells.step**2)[near]
         label = distances.argmin(axis=0)
     chosen = np.take_along_axis(distances, labels[None].astype(int), axis=0)[0]
-    # Rounding may decide between centres that are as near as can be told; nothing else may differ.
+    # Only ties between equally near centres may differ, by rounding.
     assert (chosen - distances.min(axis=0)).max() < 1e-3
     assert (labels == label).mean() > 0.98
 
@@ -124,11 +124,11 @@ def test_missing_pixels_pull_no_centre() -> None:
     planes = np.zeros((3, 10, 20), np.float32)
     planes[0, :, 5:10], planes[1, :, 5:10] = 3, 1
     known, unknown = cluster(planes, cells, True, iterations=0, subsample=1)
-    # Of the left cell the columns 5 to 9 are valid, at depth 3; of the right one nothing: it stays in its middle.
+    # The left cell is valid in columns 5 to 9, at depth 3. The right cell has no valid pixel: its centre stays put.
     np.testing.assert_allclose(known, [-6, 9, 0, -2 * 4.5 / 100, -2 * 7 / 100, (4.5**2 + 7**2) / 100], rtol=1e-6)
     np.testing.assert_allclose(unknown[3:], [-2 * 4.5 / 100, -2 * 14.5 / 100, (4.5**2 + 14.5**2) / 100], rtol=1e-6)
     labels = _assigned(planes, cells, np.stack([known, unknown]))
-    # Valid pixels avoid the centre that knows no depth; missing ones go by position.
+    # Valid pixels avoid the centre without depth; missing pixels are assigned by position.
     assert (labels[:, 5:10] == 0).all()
     assert (labels[:, 12:] == 1).all()
 

@@ -52,7 +52,7 @@ def test_memory_that_is_used_again_changes_nothing() -> None:
 
 
 def _room(height: int = 120, width: int = 160) -> tuple[np.ndarray, np.ndarray]:
-    """A floor that slants away under a wall that faces the camera: they meet in row 60 at two metres."""
+    """Return a slanted floor below a wall that faces the camera; they meet in row 60 at two metres."""
     row = np.mgrid[:height, :width][0]
     inverse = np.where(row < height // 2, 0.5, 0.5 + 0.01 * (row - height // 2))
     return (1 / inverse).astype(np.float32), row
@@ -62,7 +62,7 @@ def test_a_surface_is_one_superpixel_however_it_slants() -> None:
     depth, row = _room()
     label_map = PlaneSlic(50, n_cells=100)(Frame(np.full((120, 160, 3), 90, np.uint8), depth))
     assert label_map.max() == 1
-    # The crease is no step, yet it is found to within the pixels whose depth is as good on either plane.
+    # There is no depth step at the crease; it is found except for pixels that fit both planes equally well.
     np.testing.assert_array_equal(label_map[row < 58], 0)
     np.testing.assert_array_equal(label_map[row > 62], 1)
 
@@ -81,7 +81,7 @@ def test_colours_cut_a_surface() -> None:
 
 def test_noise_that_grows_with_depth_makes_no_superpixels() -> None:
     depth, _ = _room()
-    # Disparity in eighths of a pixel, as of a first Kinect: steps of 4 mm at one metre, and of 17 at two.
+    # Disparity in eighths of a pixel, as in the first Kinect: depth steps of 4 mm at one metre, 17 mm at two.
     disparity = np.random.default_rng(0).normal(40 / depth, 0.05)
     noisy = (40 / (np.round(disparity * 8) / 8)).astype(np.float32)
     assert PlaneSlic(50, n_cells=100)(Frame(np.full((120, 160, 3), 90, np.uint8), noisy)).max() == 1

@@ -18,7 +18,7 @@ def _planes(shape: tuple[int, ...], seed: int, missing: float) -> npt.NDArray[np
 
 
 def _error(planes: npt.NDArray[np.float32], inside: npt.NDArray[np.bool_]) -> tuple[float, float]:
-    """Squared error of the colours of some pixels, and that of their plane, from the pixels themselves."""
+    """Return the squared errors of the colours and of the fitted plane, computed directly from the pixels."""
     colors = planes[:3, inside].astype(float)
     colors_error = float(((colors - colors.mean(axis=1, keepdims=True)) ** 2).sum())
     row, column = np.nonzero(inside & (planes[3] > 0))
@@ -38,7 +38,7 @@ def _merged(
     tolerance: float,
     min_size: int,
 ) -> npt.NDArray[np.int32]:
-    """As it is told: look at all pairs of neighbours, merge the cheapest, and begin again."""
+    """The definition: evaluate all pairs of neighbours, merge the cheapest, and repeat."""
     label_map = label_map.copy()
     only_fragments = False
     while True:

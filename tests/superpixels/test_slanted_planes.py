@@ -39,7 +39,7 @@ def test_a_plane_is_fitted_as_by_least_squares_with_a_penalty() -> None:
     y, x, d = rng.normal(3, 20, (3, 40))
     sums = np.array([np.sum(v) for v in (np.ones(40), y, x, y * y, y * x, x * x, d, d * y, d * x)])
     level, down, right, error = plane_fit(sums, np.sum(d * d))
-    # The penalty as two pixels more, about the mean.
+    # Express the ridge penalty as two additional pixels, relative to the mean.
     places = np.stack([y - y.mean(), x - x.mean()], axis=1)
     rows = np.vstack([places, np.sqrt(RIDGE) * np.eye(2)])
     slopes, squares, *_ = np.linalg.lstsq(rows, np.concatenate([d - d.mean(), [0, 0]]))
@@ -61,7 +61,7 @@ def test_clustering_is_that_of_plain_loops(shape: tuple[int, int]) -> None:
     cells = Cells.grid(*shape, 12)
     labels = _assigned(planes, cells, cluster(planes, cells, iterations=2, subsample=1))
 
-    # The oracle: means, planes and distances as the module's head has them.
+    # The oracle computes means, planes and distances as in the module docstring.
     row, column = np.mgrid[: shape[0], : shape[1]]
     cell = (np.searchsorted(cells.tops, row, "right") - 1) * (len(cells.lefts) - 1)
     cell = cell + np.searchsorted(cells.lefts, column, "right") - 1
@@ -99,7 +99,7 @@ def test_clustering_is_that_of_plain_loops(shape: tuple[int, int]) -> None:
             distances[c][near] = apart[near]
         label = distances.argmin(axis=0)
     chosen = np.take_along_axis(distances, labels[None].astype(int), axis=0)[0]
-    # Rounding may decide between centres that are as near as can be told; nothing else may differ.
+    # Only ties between equally near centres may differ, by rounding.
     assert (chosen - distances.min(axis=0)).max() < 2e-3
     assert (labels == label).mean() > 0.98
 
@@ -115,7 +115,7 @@ def test_bands_change_nothing(bands: int) -> None:
 def test_two_slanted_planes_are_cut_where_they_cross() -> None:
     column = np.mgrid[:20, :60][1].astype(np.float32)
     planes = np.zeros((4, 20, 60), np.float32)
-    # They cross between the columns 33 and 34, away from the middle, where the cells meet.
+    # The planes cross between columns 33 and 34, away from the middle, where the cells meet.
     planes[3] = np.maximum(100 + 2 * (column - 33.5), 100 - 2 * (column - 33.5))
     cells = Cells.grid(20, 60, 2)
     labels = _assigned(planes, cells, cluster(planes, cells, iterations=8, subsample=1))

@@ -31,7 +31,7 @@ def _mean_quality(superpixels: Superpixels, of: list[Frame]) -> npt.NDArray[np.f
 
 
 def _assert_no_worse(of: list[Frame], n_segments: int, slack: list[float], min_size: int = 25) -> None:
-    """Compare with scikit-image's SLIC at equal numbers of superpixels, between which the measures are interpolated."""
+    """Compare with scikit-image's SLIC, interpolating its measures to the same number of superpixels."""
     reference = _mean_quality(Slic(n_segments, min_size=min_size), of)
     asked = [n_segments // 2, n_segments * 3 // 4, n_segments, n_segments * 3 // 2, n_segments * 2]
     ours = np.array([_mean_quality(FastSlic(n, min_size=min_size), of) for n in asked])
@@ -85,7 +85,7 @@ def test_superpixels_respect_edges(rgb: bool, depth: bool) -> None:
         colors[:, 32:] = (220, 30, 30)
     if depth:
         meters[24:] = 1.5
-    # Smoothing moves a clear edge by less than a pixel, and only that of the colours.
+    # Smoothing moves a clear edge by less than a pixel, and only in the colours.
     label_map = FastSlic(12, rgb=rgb, depth=depth, min_size=8)(Frame(colors, meters))
     assert is_superpixel_map(label_map)
     if rgb:

@@ -1,4 +1,4 @@
-"""The pass over the training graphs before the first epoch."""
+"""The survey of the training graphs before the first epoch."""
 
 from __future__ import annotations
 

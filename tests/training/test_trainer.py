@@ -1,4 +1,4 @@
-"""The training loop: that it learns, repeats itself, survives being killed, and says what is wrong."""
+"""The training loop learns, is reproducible, resumes after being killed, and reports errors."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ SCHEDULER = functools.partial(torch.optim.lr_scheduler.StepLR, step_size=1, gamm
 
 
 class Killed(BaseException):
-    """Stands for the end of the process: nothing in the package may catch it."""
+    """Simulates the end of the process: nothing in the package may catch it."""
 
 
 def accuracy(model: EdgeClassifier, objectness: ObjectnessHead | None) -> Mapping[str, float]:
-    """Shares of right edges and nodes on graphs that were not trained on."""
+    """Return the shares of correct edges and nodes on graphs that were not trained on."""
     assert not model.training
     graphs = [grid_graph(4, 8, seed=seed) for seed in range(50, 54)]
     right = torch.cat([(model(graph) > 0) == graph.edge_label.bool() for graph in graphs]).float().mean()
@@ -50,13 +50,13 @@ def accuracy(model: EdgeClassifier, objectness: ObjectnessHead | None) -> Mappin
 
 
 def scripted(scores: list[float]) -> Callable[..., Mapping[str, float]]:
-    """A validation that gives these scores, one an epoch."""
+    """Return a validation function that yields the given scores, one per epoch."""
     given: Iterator[float] = iter(scores)
     return lambda model, objectness: {"overlap_f": next(given)}
 
 
 class KillingSampler(BalancedEdgeSampler):
-    """Ends the process at a step."""
+    """Kills the process at a given step."""
 
     def __init__(self, step: int, error: type[BaseException] = Killed) -> None:
         super().__init__(16)
@@ -78,7 +78,7 @@ def modules() -> tuple[SharedMLP, ObjectnessHead]:
 
 
 def run(folder: Path, trainer: Trainer | None = None, **options: Any) -> tuple[TrainingResult, dict[str, torch.Tensor]]:
-    """Train small modules and return the result with all their weights."""
+    """Train small modules and return the result with all weights."""
     model, head = modules()
     trainer = trainer or Trainer(epochs=4, scheduler=SCHEDULER, progress=False)
     options = {"sampler": BalancedEdgeSampler(16), "recipe": RECIPE, "validate": accuracy, "graphs": GRAPHS} | options
@@ -185,7 +185,7 @@ def test_the_configured_loss_is_what_is_minimised(tmp_path: Path) -> None:
 
 
 class Turned:
-    """Turns the sign of all node features, and counts."""
+    """Flips the sign of all node features and counts the calls."""
 
     def __init__(self) -> None:
         self.calls = 0
@@ -198,7 +198,7 @@ class Turned:
 
 
 def shuffled(batch: Data, generator: Generator) -> Data:
-    """Change a batch by the epoch's generator."""
+    """Change a batch with the random generator of the epoch."""
     changed = batch.clone()
     changed.x = batch.x + torch.randn(batch.x.shape, generator=generator)
     return changed
@@ -209,7 +209,7 @@ def test_every_batch_is_augmented_and_validation_is_not(tmp_path: Path) -> None:
     trainer = Trainer(epochs=2, progress=False, augmentation=turned)
     result, _ = run(tmp_path / "turned", trainer)
     assert turned.calls == 2 * 3
-    # Nothing but the sign of the features differs, and the model is fed with the turned ones.
+    # Only the sign of the features differs, so a different loss shows that the model gets the flipped ones.
     plain, _ = run(tmp_path / "plain", Trainer(epochs=2, progress=False))
     assert result.history.loss[0] != plain.history.loss[0]
     resumed, _ = run(tmp_path / "turned", Trainer(epochs=2, progress=False, augmentation=Turned()))
@@ -255,7 +255,7 @@ def test_drawing_pairs_ahead_in_a_thread_changes_nothing(
 
 @pytest.mark.parametrize("step", [0, 2, 4, 10])
 def test_a_killed_training_ends_with_the_weights_of_an_unbroken_one(step: int, tmp_path: Path) -> None:
-    """Ten graphs are three steps an epoch: killed before any, within the first, the second and the last epoch."""
+    """Ten graphs give three steps per epoch: kill before any step, and in the first, second and last epoch."""
     unbroken, weights = run(tmp_path / "unbroken")
     with pytest.raises(Killed):
         run(tmp_path / "killed", sampler=KillingSampler(step))
@@ -386,7 +386,7 @@ def test_graphs_without_labelled_pairs_are_not_trained_on(tmp_path: Path) -> Non
     trainer = Trainer(epochs=1, batch_size=1, progress=False)
     _, without = run(tmp_path / "without", trainer, graphs=[GRAPHS[0], GRAPHS[1]])
     _, left_out = run(tmp_path / "left_out", trainer, graphs=[GRAPHS[0], unknown, GRAPHS[1]])
-    # The weights differ a little: features are standardised by all graphs. But there are as many batches.
+    # The number of batches is the same; weights differ slightly because all graphs are used for standardisation.
     steps = "mlp.norms.0.module.num_batches_tracked"
     assert left_out[steps] == without[steps] == 2
 
@@ -398,7 +398,7 @@ def test_nothing_to_train_on(tmp_path: Path) -> None:
 
 def test_a_loss_that_explodes_is_named_and_finished_epochs_stay(tmp_path: Path) -> None:
     class Exploding(EdgeClassifier):
-        """Fine in the first epoch."""
+        """Works in the first epoch only."""
 
         def __init__(self) -> None:
             super().__init__(3, 2)
@@ -507,7 +507,7 @@ def test_a_model_of_the_users_own_is_trained_and_read_again(tmp_path: Path) -> N
 
 
 def test_two_processes_train_one_model(tmp_path: Path) -> None:
-    """Gradients are averaged over processes, and the caller's model gets the result."""
+    """Gradients are averaged over processes, and the caller's model receives the result."""
     trainer = Trainer(epochs=3, batch_size=2, devices=2, strategy="ddp_fork", progress=False)
     result, weights = run(tmp_path, trainer)
     assert result.history.epoch.tolist() == [1, 2, 3]

@@ -1,4 +1,4 @@
-"""Cartons and rolls: closed, centred, and as large to the physics as to the eye."""
+"""Cartons and rolls are closed, centred, and equally large in physics and rendering."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_what_collides_is_what_is_seen(builder: Callable[[np.random.Generator], 
     for seed in SEEDS:
         shape = builder(np.random.default_rng(seed))
         low, high = solid_bounds(shape.solids)
-        # The rounded edges of a mesh touch the sides of its solid; the flat sides of a turned one lie inside.
+        # Bevelled edges of a mesh touch the sides of its solid; the flat sides of a round mesh lie inside it.
         np.testing.assert_allclose(high - low, shape.extents, rtol=0.005, err_msg=str(seed))
         np.testing.assert_allclose(low, -high, atol=1e-6)
 

@@ -1,4 +1,4 @@
-"""Objects come to rest where they must, and a simulation that blows up is noticed."""
+"""Objects come to rest where expected, and diverging simulations are detected."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_stacked_objects_start_upright_on_another() -> None:
         np.testing.assert_allclose(pose.turn[2], [0, 0, 1], atol=1e-12)
         aside = min(np.linalg.norm(pose.position[:2] - other.position[:2]) for other in poses[:k])
         assert aside < 0.06
-    # Each on top of all that lies below it, with the gap of both.
+    # Each object is above all objects below it, with the gaps of both bounding boxes.
     heights = sorted(pose.position[2] for pose in poses)
     np.testing.assert_allclose(heights, 0.756 + 0.112 * np.arange(6), atol=1e-9)
 

@@ -46,7 +46,7 @@ def test_training_categories_can_be_chosen() -> None:
     assert chosen.categories("train") == chosen.categories("val") == ("bowl", "mug")
     assert chosen.categories("test") == TOD_CATEGORIES
     assert chosen.digest() == replace(RECIPE, train_categories=("bowl", "mug")).digest()
-    # Datasets made before there was the option stay theirs.
+    # Datasets generated before the option existed stay valid.
     assert "train_categories" not in RECIPE.as_dict()
 
 
@@ -76,7 +76,7 @@ def test_the_digest_is_that_of_equal_values() -> None:
 
 
 def test_the_default_datasets_digest_stays_what_it_was() -> None:
-    """Options that came later must not make the frames that are there anew."""
+    """Options added later must not invalidate existing frames."""
     recipe = replace(RECIPE, train_frames=400, val_frames=50, test_frames=100, views_per_scene=5)
     assert recipe.digest() == "af37f21e24"
     assert "variety" not in recipe.as_dict()

@@ -1,4 +1,4 @@
-"""Depth, labels and light of scenes that can be worked out by hand."""
+"""Depth, labels and light of scenes that can be calculated by hand."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ BLOCK = placed(meshes.box((0.4, 0.4, 0.5), (0, 0, 0.25)), RED)
 
 
 def from_above(height: float = 2.0) -> Camera:
-    """Return a camera that looks straight down: x to the right, the picture's bottom towards -y."""
+    """Return a camera that looks straight down: x to the right, the bottom of the image towards -y."""
     turn = np.array([[1, 0, 0], [0, -1, 0], [0, 0, -1]], dtype=np.float64).T
     camera = Intrinsics(60.0, 60.0, (WIDTH - 1) / 2, (HEIGHT - 1) / 2)
     return Camera(np.array([0, 0, height]), turn, camera, WIDTH, HEIGHT)

@@ -1,4 +1,4 @@
-"""Drawing scenes anew, and what pictures of them hold."""
+"""Rejected scenes are redrawn, and views have the expected content."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_pictures_show_the_objects_from_several_sides(arrangement: scene.Arrange
 
 
 def test_depth_and_pose_agree(arrangement: scene.Arrangement) -> None:
-    """Every table pixel, back-projected, lies on the table's top or on its sides and legs below."""
+    """Every back-projected table pixel lies on the table top, or below it on its sides or legs."""
     view = scene.photograph(arrangement, 1, "clean", (160, 120), seed(1))[0]
     rays = view.camera.rays()
     points = view.camera.position + rays * (view.depth[..., None] / 1000)
@@ -127,7 +127,7 @@ def test_wide_scenes_hold_seen_categories_and_packaging(wide_arrangements: list[
     names = [shape.category for arrangement in wide_arrangements for shape in arrangement.shapes]
     assert set(names) <= TODZ_SEEN | {"carton", "roll"}
     assert {"carton", "roll"} <= set(names)
-    # 35 % of them, within three standard deviations.
+    # 35 % of the objects are packaging, within three standard deviations.
     share = sum(name in ("carton", "roll") for name in names) / len(names)
     assert abs(share - 0.35) < 3 * (0.35 * 0.65 / len(names)) ** 0.5
 
@@ -137,7 +137,7 @@ def test_assorted_scenes_hold_made_up_things_too() -> None:
     names = [scene._random_shape(SEEN, VARIETIES["assorted"], rng).category for _ in range(300)]
     made_up = {"binder", "stand", "tool", "assembly", "tray"}
     assert made_up <= set(names) <= TODZ_SEEN | {"carton", "roll"} | made_up
-    # Half of the three quarters that are no packaging, within three standard deviations.
+    # Half of the three quarters that are not packaging are made up, within three standard deviations.
     share = sum(name in made_up for name in names) / len(names)
     assert abs(share - 0.375) < 3 * (0.375 * 0.625 / len(names)) ** 0.5
 
@@ -158,7 +158,7 @@ def test_objects_of_wide_scenes_rest_on_their_support(wide_arrangements: list[sc
             assert arrangement.table.holds(pose.position)
             points = np.concatenate([part.mesh.vertices for part in shape.parts]) @ pose.turn.T + pose.position
             lowest.append(points[:, 2].min() - arrangement.table.height)
-        # None deeper in the support than meshes stick out of their solids, and one at least touches it.
+        # Objects may sink in only as far as meshes extend beyond their solids, and at least one touches the support.
         assert min(lowest) > -0.03
         assert min(lowest) < 0.01
 

@@ -1,4 +1,4 @@
-"""The sensor model on inputs small enough to work out by hand."""
+"""The sensor model on inputs that can be calculated by hand."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def test_the_steps_grow_with_the_square_of_the_depth() -> None:
 
 
 def test_a_near_thing_hides_as_many_columns_as_the_disparities_differ() -> None:
-    # Wall at 2 m (disparity 10), thing at 1 m (disparity 20) in columns 30 to 39: the projector stands to the right,
-    # so the shadow lies left of the thing, 10 columns wide.
+    # Wall at 2 m (disparity 10), object at 1 m (disparity 20) in columns 30 to 39: the projector is on the right, so
+    # the shadow lies to the left of the object and is 10 columns wide.
     depth = np.full((3, 60), 2.0, dtype=np.float32)
     depth[:, 30:40] = 1.0
     hidden = shadow(depth, scale=20.0)
     expected = np.zeros(60, dtype=bool)
-    expected[21:30] = True  # column 20 is lit along the very edge of the thing, which is no farther left
+    expected[21:30] = True  # column 20 is lit exactly along the edge of the object
     assert (hidden == expected).all(axis=1).all()
 
 
@@ -113,7 +113,7 @@ def test_highlights_hold_the_exposure_back() -> None:
     color = np.full((40, 40, 3), 0.01, dtype=np.float32)
     color[:20] = 10.0
     picture = exposed(color, np.ones((40, 40), dtype=np.float32), 0.5)
-    # The mean of the logarithms is about 0.3; bringing it to 0.5 would burn half of the picture.
+    # The geometric mean is about 0.3; scaling it to 0.5 would overexpose half of the image.
     assert picture[:20].max() < 0.95
 
 

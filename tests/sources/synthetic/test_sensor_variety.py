@@ -1,4 +1,4 @@
-"""Cameras drawn at random: what none of them may do, and each step on inputs that can be worked out by hand."""
+"""Randomly drawn cameras: common constraints, and each step on inputs that can be calculated by hand."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SEEDS = range(40)
 
 
 def rendering() -> Rendering:
-    """A wall at 3 m, a table at 1.5 m, a thing on it at 1 m, and a corner where nothing is hit."""
+    """Return a wall at 3 m, a table at 1.5 m, an object on it at 1 m, and a corner where nothing is hit."""
     shape = (60, 80)
     depth, label = np.full(shape, 3.0, np.float32), np.zeros(shape, np.int32)
     depth[20:], label[20:] = 1.5, SUPPORT
@@ -46,7 +46,7 @@ def test_every_camera_gives_metres_or_nothing_and_leaves_the_view_as_it_is() -> 
         assert np.isfinite(depth).all()
         assert depth.min() >= 0
         assert (depth[:3, :3] == 0).all(), seed
-        # Whatever is measured is near the truth: no depth between near and far is invented.
+        # Measured depth is close to the true depth: no values between foreground and background are invented.
         valid = depth[depth > 0]
         assert valid.size > 0.02 * depth.size
         error = np.min([np.abs(valid - true) / true for true in (1.0, 1.5, 3.0)], axis=0)
@@ -85,7 +85,7 @@ def test_stereo_loses_the_shadow_beside_a_near_thing_but_not_the_plane() -> None
     )
     assert (lost[:4, :4] == 1).all()
     assert lost[25:28, 8:15].mean() < 0.1
-    # The disparities of 1 m and 1.5 m differ by a few pixels, in most of the cameras lost to the left of the thing.
+    # The disparities of 1 m and 1.5 m differ by a few pixels, which most cameras lose to the left of the object.
     assert lost[35:45, 23:25].mean() > 0.2
     assert lost[35:45, 52:60].mean() < 0.1
 
@@ -117,7 +117,7 @@ def test_smoothing_keeps_planes_holes_and_what_lies_right_at_an_edge() -> None:
     depth[40, 10] = 0
     smooth = sensor_variety._smoothed(depth)
     np.testing.assert_array_equal(smooth == 0, depth == 0)
-    # The pixels at both sides of the thing's left edge, and the middle of its face, 6 pixels from any.
+    # The pixels on both sides of the object's left edge, and the middle of its face, 6 pixels from any edge.
     np.testing.assert_array_equal(smooth[35:45, 24:26], depth[35:45, 24:26])
     np.testing.assert_allclose(smooth[37:43, 32:43], 1.0, rtol=1e-5)
     rough = plane + np.random.default_rng(0).normal(0, 0.002, plane.shape).astype(np.float32)
@@ -132,7 +132,7 @@ def test_what_is_cut_off_is_beyond_the_table_or_at_the_rim() -> None:
         depth = sensor_variety._cut_off(view.depth, view.label, np.random.default_rng(seed))
         kept = (depth == view.depth) | (depth == 0)
         assert kept.all()
-        # What lies on the table is never cut but by the strips at the right and below.
+        # Depth on the table is removed only in the strips at the right and bottom border.
         inner = (view.label > SUPPORT)[:-10, :-24]
         assert (depth[:-10, :-24][inner] > 0).all()
         beyond += not depth[view.label == 0].any()

@@ -1,4 +1,4 @@
-"""Every category builds closed parts and shows what tells it from the others."""
+"""Every category has closed parts and its characteristic features."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def names(shape: Shape) -> set[str]:
 
 
 def solidity(shape: Shape, name: str) -> float:
-    """Share of a part's convex hull that it fills: low for hollow things."""
+    """Return the share of its convex hull that a part fills: low for hollow parts."""
     mesh = part(shape, name).mesh
     return float(mesh.volume / meshes.hull(mesh.vertices).volume)
 
@@ -50,7 +50,7 @@ def wide(shape: Shape, name: str) -> float:
 
 
 def sticks_out(shape: Shape, name: str, body: str) -> bool:
-    """Whether a part reaches beyond the body to the left or to the right."""
+    """Return whether a part extends beyond the body to the left or to the right."""
     return max(high(shape, name, 0), -low(shape, name, 0)) > high(shape, body, 0) + 0.01
 
 
@@ -107,7 +107,7 @@ def test_what_collides_fits_what_is_seen(category: str) -> None:
         tolerance = 0.012 + 0.03 * shape.extents
         assert (low > -shape.extents / 2 - tolerance).all(), seed
         assert (high < shape.extents / 2 + tolerance).all(), seed
-        # Nothing large may stick out of the solids: it would sink into other things.
+        # No large part may extend beyond the solids: it would sink into other objects.
         assert (high - low > 0.75 * shape.extents - 0.03).all(), seed
 
 
@@ -147,7 +147,7 @@ def test_a_hollow_wall_leaves_its_inside_free() -> None:
     for solid in solids[:-1]:
         radii = np.linalg.norm(solid.size[:, :2], axis=1)
         inner = solid.size[radii < 0.45]
-        # The wedge's inner face is a chord: it comes no closer than cos(15 degrees) of the inner radius.
+        # The inner face of a wedge is a chord, at least cos(15 degrees) of the inner radius from the axis.
         assert np.linalg.norm((inner[0, :2] + inner[-1, :2]) / 2) > 0.4 * np.cos(np.pi / 12) - 1e-9
     assert solids[-1].kind == "cylinder"
 

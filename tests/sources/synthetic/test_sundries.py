@@ -1,4 +1,4 @@
-"""Made-up things: closed, centred, of several parts and looks, and solid where they are seen."""
+"""Made-up objects are closed, centred, of several parts and textures, and their solids match their meshes."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_what_collides_fits_what_is_seen(builder: Builder) -> None:
     for seed in SEEDS:
         shape = builder(np.random.default_rng(seed))
         low, high = solid_bounds(shape.solids)
-        # Panes and bent handles reach out of their solids by millimetres.
+        # Panes and bent handles extend beyond their solids by millimetres.
         np.testing.assert_allclose(high - low, shape.extents, rtol=0.06, atol=0.014, err_msg=str(seed))
 
 
@@ -82,7 +82,7 @@ def test_a_convex_body_has_the_size_and_the_place_that_are_asked_for() -> None:
         low, high = mesh.bounds
         np.testing.assert_allclose(low[2], 3.0, atol=1e-9)
         np.testing.assert_allclose((high - low)[2], 0.3, rtol=1e-9)
-        # A roof may jut out by a twentieth.
+        # A roof may protrude by a twentieth.
         assert (high - low <= size * 1.06).all()
         assert (high - low >= size * 0.95).all()
         solid_low, solid_high = solid_bounds((solid,))

@@ -1,4 +1,4 @@
-"""The dataset on disk: written whole, once, the same by any number of workers, and read as TOD."""
+"""The dataset on disk: written completely and once, independent of the number of workers, and readable as TOD."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def contents(root: Path) -> dict[str, bytes]:
 
 @pytest.fixture(scope="module")
 def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A generated dataset; tests that change it take a copy."""
+    """A generated dataset; tests that modify it use a copy."""
     folder = tmp_path_factory.mktemp("tabletop")
     Tabletop(folder, **SIZES).generate(workers=0, progress=False)
     return folder
@@ -156,7 +156,7 @@ def test_a_killed_generation_continues_where_it_stopped(
 ) -> None:
     source = Tabletop(copied(root, tmp_path), **SIZES)
     before = contents(source.root)
-    # As a kill leaves it: no lists yet, a scene missing, another half written beside it.
+    # The state after a kill: no lists yet, one scene missing and another one partly written.
     for name in ("train.txt", "val.txt", "test.txt"):
         (source.root / name).unlink()
     shutil.rmtree(source.root / "test_set" / "scene_00001")

@@ -1,4 +1,4 @@
-"""Colours at hand-picked points."""
+"""Texture colours at selected points."""
 
 from __future__ import annotations
 
@@ -81,10 +81,10 @@ def test_bricks_shift_every_other_row() -> None:
 
 
 def test_a_printed_face_shows_its_picture_upright_from_outside() -> None:
-    # Seen from its front, the picture's top left is red, top right green, bottom left blue, bottom right white.
+    # Seen from the front, the image is red (top left), green (top right), blue (bottom left) and white (bottom right).
     image = np.array([[RED, GREEN], [BLUE, WHITE]], dtype=np.float32).repeat(8, axis=0).repeat(8, axis=1)
     base = Plain(np.zeros(3, dtype=np.float32), 0)
-    # For each face: which way is right for someone who looks at it from outside.
+    # The direction to the right on each face, seen from outside.
     for face, axis, right in (("-y", 1, [1, 0, 0]), ("+y", 1, [-1, 0, 0]), ("+x", 0, [0, 1, 0]), ("-x", 0, [0, -1, 0])):
         printed = Printed(image, base, face, (-1, 0), (1, 2))
         normal = np.zeros(3)
@@ -111,7 +111,7 @@ def test_wood_has_grain_and_boards() -> None:
     up = np.tile(np.float32(UP), (400, 1))
     wood = Wood(rows([0.6, 0.4, 0.2])[0], board=0.1)(points, up)
     assert 0.03 < wood[:, 0].std() < 0.3
-    # The tone stays that of the wood: all channels are shaded alike.
+    # The hue of the wood is kept: all channels are shaded equally.
     np.testing.assert_allclose(wood[:, 1] / wood[:, 0], 0.4 / 0.6, rtol=1e-4)
 
 
