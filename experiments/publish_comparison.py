@@ -60,14 +60,16 @@ def scores(rows: pd.DataFrame, name: str) -> str:
     table = (100 * rows[list(shown)]).rename(columns=shown)
     table.insert(0, "frames", rows["frames"])
     if name in ON_TOD_Z:
-        table = pd.concat([table, pd.DataFrame.from_dict(PAPER_SCORES, orient="index")[list(_of(table, PAPER_SCORES))]])
+        table = pd.concat(
+            [table, pd.DataFrame.from_dict(PAPER_SCORES, orient="index")[list(_columns_in_paper(table, PAPER_SCORES))]]
+        )
     cells = table.map(lambda value: "–" if pd.isna(value) else f"{value:.1f}")
     cells["frames"] = ["–" if pd.isna(value) else f"{value:.0f}" for value in table["frames"]]
     cells.index.name = "method"
     return cells.to_markdown(disable_numparse=True, colalign=["left"] + ["right"] * len(cells.columns))
 
 
-def _of(table: pd.DataFrame, paper: dict[str, dict[str, float]]) -> list[str]:
+def _columns_in_paper(table: pd.DataFrame, paper: dict[str, dict[str, float]]) -> list[str]:
     known = {title for row in paper.values() for title in row}
     return [title for title in table if title in known]
 
@@ -137,14 +139,14 @@ def page(folders: Sequence[Path], name: str, command: str, note: str) -> str:
         f"Dataset `{dataset_name(config.dataset)}`.",
         note,
     ]
-    rows, lost = joined(folders, "comparison.csv"), joined(folders, "failures.csv")
+    rows, failure_table = joined(folders, "comparison.csv"), joined(folders, "failures.csv")
     if rows is not None:
         lines += ["Per cent.", scores(rows, name)]
     costly = [folder for folder in folders if (folder / "cost.json").is_file()]
     if costly:
         lines.append(costs(costly[-1]))
-    if lost is not None:
-        lines.append(failures(lost))
+    if failure_table is not None:
+        lines.append(failures(failure_table))
     pictures = sorted({picture.name: picture for folder in folders for picture in _pictures(folder)}.values())
     lines += [f"![{picture.stem}](pictures/{name}_{picture.name})" for picture in pictures]
     return "\n\n".join(line for line in lines if line) + "\n"

@@ -123,7 +123,7 @@ def test_a_split_is_built_written_and_read(
     assert len(set(everything)) == len(everything)
     for line in lists["test_open"]:
         assert line.startswith("test_set/"), "only scenes there show a bowl, which is unseen"
-    # The written configuration reads all frames of the split without errors.
+    # The written configuration reads all frames of the split without warnings.
     with caplog.at_level(logging.WARNING), initialize_config_dir(str(config_folder()), version_base="1.3"):
         for name, test in (("mine", "test_open"), ("mine_closed", "test_closed")):
             config = OmegaConf.load(tmp_path / f"made/dataset/{name}.yaml")

@@ -29,23 +29,23 @@ def measure_evaluation(cache: Path, split: str, segmenter: Segmenter, repeats: i
     """
     features = segmenter.recipe["features"]
     dataset = SuperpixelGraphDataset(cache, split, features["node"], features["edge"])
-    judges = {
+    evaluators = {
         contours: Evaluator(segmenter.partition, segmenter.rule, boundaries=contours) for contours in (False, True)
     }
     stopwatch, passes = Stopwatch(), Stopwatch()
-    _frame_by_frame(dataset, segmenter, judges, Stopwatch())
+    _frame_by_frame(dataset, segmenter, evaluators, Stopwatch())
     for _ in range(repeats):
-        _frame_by_frame(dataset, segmenter, judges, stopwatch)
-        for contours, judge in judges.items():
+        _frame_by_frame(dataset, segmenter, evaluators, stopwatch)
+        for contours, evaluator in evaluators.items():
             with passes.step(f"Evaluator {'with' if contours else 'without'} contours"):
-                judge(dataset, segmenter.model, segmenter.objectness)
+                evaluator(dataset, segmenter.model, segmenter.objectness)
     for name, seconds in passes.seconds.items():
         stopwatch.seconds[name] = [(wall / len(dataset), cpu / len(dataset)) for wall, cpu in seconds]
     return [{"stage": name, **timing.row()} for name, timing in stopwatch.timings().items()]
 
 
 def _frame_by_frame(
-    dataset: SuperpixelGraphDataset, segmenter: Segmenter, judges: dict[bool, Evaluator], stopwatch: Stopwatch
+    dataset: SuperpixelGraphDataset, segmenter: Segmenter, evaluators: dict[bool, Evaluator], stopwatch: Stopwatch
 ) -> None:
     for index in range(len(dataset)):
         with stopwatch.step(STAGES[0]):
@@ -53,6 +53,6 @@ def _frame_by_frame(
         with stopwatch.step(STAGES[1]):
             classification = classify(segmenter.model, segmenter.objectness, data)
             segments = partition_graph(data, classification, segmenter.partition, segmenter.rule, segmenter.calibration)
-        for stage, judge in zip(STAGES[2:], judges.values(), strict=True):
+        for stage, evaluator in zip(STAGES[2:], evaluators.values(), strict=True):
             with stopwatch.step(stage):
-                judge.score(data, segments, dataset.category_names, unaided=segmenter.objectness is not None)
+                evaluator.score(data, segments, dataset.category_names, unaided=segmenter.objectness is not None)

@@ -60,13 +60,13 @@ class PeakMemory:
 
     def _watch(self) -> None:
         while not self._done.wait(self.INTERVAL):
-            self._look()
+            self._measure()
         # Measure at least once, even if the context ends before the first interval.
-        self._look()
+        self._measure()
 
-    def _look(self) -> None:
+    def _measure(self) -> None:
         for process in self.processes():
             with contextlib.suppress(psutil.Error):  # it has just ended
-                held = process.memory_full_info()
-                self.resident_mib = max(held.rss / MEBIBYTE, self.resident_mib or 0.0)
-                self.own_mib = max(held.uss / MEBIBYTE, self.own_mib or 0.0)
+                info = process.memory_full_info()
+                self.resident_mib = max(info.rss / MEBIBYTE, self.resident_mib or 0.0)
+                self.own_mib = max(info.uss / MEBIBYTE, self.own_mib or 0.0)

@@ -327,6 +327,6 @@ def chosen_sections(names: Sequence[str]) -> list[str]:
     """
     unknown = [name for name in names if name not in SECTIONS]
     if unknown or not names:
-        told = f"got {', '.join(map(str, unknown))}" if unknown else "got none"
-        raise ConfigurationError(f"sections must be a list of {', '.join(SECTIONS)}; {told}")
+        given = f"got {', '.join(map(str, unknown))}" if unknown else "got none"
+        raise ConfigurationError(f"sections must be a list of {', '.join(SECTIONS)}; {given}")
     return [name for name in SECTIONS if name in names]

@@ -32,8 +32,7 @@ def segmentation_figure(frame: Frame, segmentation: Segmentation, title: str = "
         title: Title of the figure.
 
     Returns:
-        A figure of six panels: colours, depth, superpixels, edges coloured by merge probability, prediction, ground
-        truth.
+        A figure of six panels: colours, depth, superpixels, merge probability of the edges, prediction, ground truth.
     """
     figure = Figure(figsize=(13.5, 8.2 * frame.height / frame.width + 1), layout="constrained")
     FigureCanvasAgg(figure)

@@ -23,18 +23,18 @@ def reliability_figure(scores: npt.NDArray[np.floating], right: npt.NDArray[np.b
     Returns:
         A figure of two panels; perfectly calibrated scores lie on the diagonal.
     """
-    place = np.minimum((np.asarray(scores, dtype=np.float64) * bins).astype(np.int64), bins - 1)
-    count = np.bincount(place, minlength=bins)
+    bin_index = np.minimum((np.asarray(scores, dtype=np.float64) * bins).astype(np.int64), bins - 1)
+    count = np.bincount(bin_index, minlength=bins)
     filled = count > 0
-    said = np.bincount(place, scores, bins)[filled] / count[filled]
-    share = np.bincount(place, right, bins)[filled] / count[filled]
+    mean_score = np.bincount(bin_index, scores, bins)[filled] / count[filled]
+    share = np.bincount(bin_index, right, bins)[filled] / count[filled]
     # Standard error of a share (binomial distribution).
     error = np.sqrt(share * (1 - share) / count[filled])
     figure = Figure(figsize=(5, 6), layout="constrained")
     FigureCanvasAgg(figure)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
     upper.plot([0, 1], [0, 1], color="grey", linestyle="--", linewidth=1, label="perfect")
-    upper.errorbar(said, share, yerr=error, marker="o", markersize=4, capsize=2, label="objects")
+    upper.errorbar(mean_score, share, yerr=error, marker="o", markersize=4, capsize=2, label="objects")
     upper.set_ylabel("share that is right (IoU > 0.75)")
     upper.set_ylim(-0.02, 1.02)
     upper.legend(loc="upper left")

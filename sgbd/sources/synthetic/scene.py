@@ -188,7 +188,7 @@ def _look(sensor_name: str, rng: np.random.Generator) -> _Look:
 
 
 def _lighting(room: Room, table: Table, rng: np.random.Generator) -> tuple[list[Light], npt.NDArray[np.float32]]:
-    """Draw one or two light sources below the ceiling or at a wall, and the ambient light."""
+    """Draw one or two light sources below the ceiling or at window height, and the ambient light."""
     top = np.array([0, 0, table.height])
     lights = []
     count = 1 + int(rng.random() < 0.55)

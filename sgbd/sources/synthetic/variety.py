@@ -15,8 +15,8 @@ class Variety:
         packaging: Share of objects that are cartons and rolls, which have no category.
         sundries: Share of the remaining objects that are made-up composite objects, also without a category.
         stacked: Share of objects dropped upright on another object.
-        spread: Range of a factor for the radius of the area in which objects are dropped, which grows with the square
-            root of their total footprint.
+        spread: Range of the radius of the area in which objects are dropped, relative to half the square root of their
+            total footprint.
         log_spread: Whether the spread is drawn on a logarithmic scale.
         distance: Range of the distance between camera and target, metres.
         elevation: Range of the camera elevation above the horizontal, degrees.
