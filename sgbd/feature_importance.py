@@ -207,13 +207,13 @@ def main(config: DictConfig) -> None:
     write_figure(importance_figure(summary), folder / "feature_importance.png")
     table = summary.map("{:.3f}".format).to_markdown(disable_numparse=True)
     deviation = f" ± {100 * np.std(accuracies, ddof=1):.1f}" if len(accuracies) > 1 else ""
-    told = (
+    summary_text = (
         f"{config.runs} forests of {config.trees} trees, each on {config.pairs} pairs of other superpixels of the "
         f"training frames; balanced accuracy on {config.pairs} pairs of {config.held_out} frames "
         f"{100 * np.mean(accuracies):.1f}{deviation} %. Mean and sample standard deviation over the forests."
     )
-    write_whole(folder / "feature_importance.md", f"{told}\n\n{table}\n".encode())
-    print(f"\n{told}\n\n{table}\n\nTable and figure: {folder}")
+    write_whole(folder / "feature_importance.md", f"{summary_text}\n\n{table}\n".encode())
+    print(f"\n{summary_text}\n\n{table}\n\nTable and figure: {folder}")
 
 
 if __name__ == "__main__":

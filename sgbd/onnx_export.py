@@ -125,7 +125,7 @@ def to_onnx(checkpoint: Checkpoint, opset: int = SMALLEST_OPSET, trust: Sequence
     newest = onnx.defs.onnx_opset_version()
     if not isinstance(opset, int) or not SMALLEST_OPSET <= opset <= newest:
         raise ConfigurationError(f"opset must be an integer from {SMALLEST_OPSET} to {newest}; got {opset!r}")
-    told = description(checkpoint, opset, trust)
+    metadata = description(checkpoint, opset, trust)
     names = input_names(checkpoint)
     example = random_graph(checkpoint, 7, 9, np.random.default_rng(0))
     nodes, pairs = torch.export.Dim("nodes", min=2), torch.export.Dim("pairs", min=2)
@@ -158,7 +158,7 @@ def to_onnx(checkpoint: Checkpoint, opset: int = SMALLEST_OPSET, trust: Sequence
             f"PyTorch wrote {type(checkpoint.model).__name__} in opset {got} instead of {opset}. Choose opset={got}."
         )
     model.doc_string = f"sgbd {__version__}: merge logits of pairs of superpixels"
-    onnx.helper.set_model_props(model, {METADATA_KEY: json.dumps(told, sort_keys=True)})
+    onnx.helper.set_model_props(model, {METADATA_KEY: json.dumps(metadata, sort_keys=True)})
     onnx.checker.check_model(model)
     content: bytes = model.SerializeToString()
     return content

@@ -171,7 +171,7 @@ class Tuning:
         log.info(
             "tuned on %d frames, %s mean of %s: %.4f before (%s), %.4f now (%s)",
             len(classified), search.protocol, ", ".join(map(score_title, SCORES)),
-            _mean(before), _told(start), _mean(after), _told(best),
+            _mean(before), _as_text(start), _mean(after), _as_text(best),
         )  # fmt: skip
         return TuningResult(
             {**partition, **{name: best[name] for name in names if name in PARTITION_PARAMETERS}},
@@ -314,7 +314,7 @@ def _mean(scores: Mapping[str, float], names: Sequence[str] = SCORES) -> float:
     return sum(scores[name] for name in names) / len(names)
 
 
-def _told(setting: Mapping[str, Any]) -> str:
+def _as_text(setting: Mapping[str, Any]) -> str:
     return ", ".join(f"{name}={value}" for name, value in setting.items())
 
 

@@ -46,9 +46,9 @@ def explained_keys(text: str) -> tuple[str, dict[str, str]]:
         if match is not None:
             indent = len(match["indent"])
             parents = [parent for parent in parents if parent[0] < indent] + [(indent, match["key"])]
-            told = " ".join([*above, match["beside"] or ""]).strip()
-            if told:
-                explained[".".join(key for _, key in parents)] = told
+            explanation = " ".join([*above, match["beside"] or ""]).strip()
+            if explanation:
+                explained[".".join(key for _, key in parents)] = explanation
         above = []
     return " ".join(line.lstrip("# ") for line in lines[:top] if not _USAGE.match(line)), explained
 
@@ -182,9 +182,9 @@ def rows(values: Mapping[str, Any], prefix: str, explained: Mapping[str, str]) -
             yield from _row(f"{name}={_shown(value)}", explained.get(name, ""))
 
 
-def _row(key: str, told: str) -> list[str]:
+def _row(key: str, explanation: str) -> list[str]:
     """Return the lines of a key, with its explanation in a separate column."""
-    lines = textwrap.wrap(told, WIDTH - COLUMN - len(INDENT), break_long_words=False, break_on_hyphens=False)
+    lines = textwrap.wrap(explanation, WIDTH - COLUMN - len(INDENT), break_long_words=False, break_on_hyphens=False)
     left = INDENT + key
     if not lines or len(left) > COLUMN - 2:
         return [left, *(" " * COLUMN + line for line in lines)]

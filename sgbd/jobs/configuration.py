@@ -139,9 +139,9 @@ def explain(error: BaseException) -> str | None:
     """Return a message for the user about `error`, or None if the error is a bug and needs its traceback."""
     if isinstance(error, InstantiationException):
         cause = error.__cause__
-        told = explain(cause) if cause is not None else None
+        message = explain(cause) if cause is not None else None
         # Without a known cause: a wrong argument or `_target_`; Hydra's message names the key.
-        return told or (_with_reason(error, cause) if isinstance(cause, ImportError) else str(error))
+        return message or (_with_reason(error, cause) if isinstance(cause, ImportError) else str(error))
     if isinstance(error, MissingMandatoryValue):
         key = error.full_key or "a mandatory value"
         return f"{key} is not set. Give it on the command line: {key}=<value>"

@@ -42,13 +42,13 @@ def suggestions(folder: Path, config_name: str, arguments: Sequence[str]) -> lis
     known = list(_keys(OmegaConf.to_container(config, resolve=False)))
     matches = (_OVERRIDE.match(argument) for argument in arguments)
     keys = [match["key"] for match in matches if match is not None]
-    told = []
+    advice = []
     for key in keys:
         if key in known or key.startswith("hydra"):
             continue
         nearest = difflib.get_close_matches(key, known, n=1, cutoff=0.7)
-        told += [f"{key} is no key of this command; did you mean {nearest[0]}?" for _ in nearest]
-    return told
+        advice += [f"{key} is no key of this command; did you mean {nearest[0]}?" for _ in nearest]
+    return advice
 
 
 def other_command(folder: Path, config_name: str, experiment: str) -> str | None:

@@ -21,22 +21,22 @@ def spellings(arguments: Sequence[str]) -> list[str]:
         and their values are ignored.
     """
     parser = OverridesParser.create()
-    told = []
+    advice = []
     for argument in get_args_parser().parse_known_args(list(arguments))[0].overrides:
         try:
             parser.parse_override(argument)
         except HydraException:
             key, equals, value = argument.partition("=")
             if not equals and not argument.startswith("~"):
-                told.append(f"{argument} is no key=value; --help lists the keys.")
+                advice.append(f"{argument} is no key=value; --help lists the keys.")
             elif equals:
                 escaped = value.replace("'", "\\'")
                 quoted = _shell_quoted(f"{key}='{escaped}'")
-                told.append(
+                advice.append(
                     "Values with letters or signs that mean something to Hydra, such as ,=()[]{}', need quotes within "
                     f"those of the shell: {quoted}"
                 )
-    return told
+    return advice
 
 
 def _shell_quoted(argument: str) -> str:
