@@ -133,7 +133,8 @@ def test_threads_start_processes_one_after_the_other(monkeypatch: pytest.MonkeyP
     """Because the state that processes inherit is changed during the start and restored afterwards."""
     monkeypatch.setattr(module, "ProcessPoolExecutor", PoolWithoutProcesses)
     monkeypatch.setenv("OMP_NUM_THREADS", "5")
-    file = sys.modules["__main__"].__file__
+    # Set here, as the main module of a process of pytest-xdist has none.
+    monkeypatch.setattr(sys.modules["__main__"], "__file__", "main.py", raising=False)
     threads = [threading.Thread(target=lambda: list(map_in_order(abs, range(1), 1))) for _ in range(2)]
     for thread in threads:
         thread.start()
@@ -141,7 +142,7 @@ def test_threads_start_processes_one_after_the_other(monkeypatch: pytest.MonkeyP
         thread.join()
     assert not PoolWithoutProcesses.together
     assert os.environ["OMP_NUM_THREADS"] == "5"
-    assert sys.modules["__main__"].__file__ == file
+    assert sys.modules["__main__"].__file__ == "main.py"
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork here")
