@@ -89,7 +89,8 @@ def costs(folder: Path) -> str:
     cells.index.name = "method"
     return (
         f"{machine['cpu']}, {machine['cores_used']} cores, load {machine['load']} at the start (above the number of "
-        f"cores others were computing too); one thread. {'; '.join(report['notes'])}. Medians; memory is the peak of a "
+        f"cores others were computing too). PyTorch has one thread, compiled loops have up to two. "
+        f"{'; '.join(report['notes'])}. Medians; memory is the peak of a "
         "fresh process beyond its imports. Pre-processing is validation, superpixels and graph. Baselines have no "
         "parameters.\n\n" + cells.to_markdown(disable_numparse=True, colalign=["left"] + ["right"] * len(cells.columns))
     )
