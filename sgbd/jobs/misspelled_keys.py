@@ -67,15 +67,19 @@ def other_command(folder: Path, config_name: str, experiment: str) -> str | None
     file = folder / "experiment" / f"{experiment}.yaml"
     if not file.is_file():
         return None
+    asked = _top_keys(file)
+    lacking = asked - _top_keys(folder / f"{config_name}.yaml")
+    if not lacking:
+        return None
     commands = {other.stem: _top_keys(other) for other in folder.glob("*.yaml")}
     # A key that no command has is the experiment's own.
-    asked = _top_keys(file) & set().union(*commands.values())
-    lacking = sorted(asked - commands[config_name])
+    known = set().union(*commands.values())
+    asked, lacking = asked & known, lacking & known
     if not lacking:
         return None
     right = sorted(f"python -m sgbd.{name}" for name, keys in commands.items() if asked <= keys)
     return (
-        f"experiment={experiment} sets {', '.join(lacking)}, which python -m sgbd.{config_name} does not have. "
+        f"experiment={experiment} sets {', '.join(sorted(lacking))}, which python -m sgbd.{config_name} does not have. "
         f"It is an experiment of {' or '.join(right) or 'another command'}."
     )
 
