@@ -58,7 +58,9 @@ def survey_graphs(graphs: Sequence[Data], num_workers: int = 0, progress: bool =
             pair.
     """
     nodes = edges = None
-    usable, merges, cuts, start = [], 0, 0, 0
+    # One tensor for all graphs: many small ones, allocated between the batches, would fragment the memory.
+    labeled = torch.zeros(len(graphs), dtype=torch.bool)
+    merges, cuts, start = 0, 0, 0
     loader = batches_in_order(graphs, SURVEY_BATCH, num_workers)
     for batch in ProgressBar(loader, desc="feature statistics", unit="batch", disable=not progress, leave=False):
         for field in ("x", "edge_attr"):
@@ -76,11 +78,11 @@ def survey_graphs(graphs: Sequence[Data], num_workers: int = 0, progress: bool =
         merge, cut = labels == MERGE, labels == CUT
         merges, cuts = merges + int(merge.sum()), cuts + int(cut.sum())
         known = torch.bincount(graph[merge | cut], minlength=num_graphs)
-        usable.append(start + known.nonzero().squeeze(1))
+        labeled[start : start + num_graphs] = known > 0
         start += num_graphs
     assert nodes is not None
     assert edges is not None
-    survey = Survey(torch.cat(usable), nodes, edges, merges, cuts)
+    survey = Survey(labeled.nonzero().squeeze(1), nodes, edges, merges, cuts)
     _check_labels(survey, start)
     return survey
 
