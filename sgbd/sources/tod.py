@@ -44,9 +44,10 @@ VERTICAL_VIEW = 45.0
 UNSEEN_OBJECTS = ("keep", "ignore", "leave_out")
 """Ways to treat objects of unseen categories in training and validation frames."""
 
+_RGB_SUFFIXES = (".jpeg", ".jpg", ".png")
 _FRAME_PATH = re.compile(
     r"(?:(?P<folder>training_set|validation_set|test_set)[\\/]+)?"
-    r"(?P<scene>scene_\d+)[\\/]+rgb_(?P<view>\d+)(?P<suffix>\.jpeg|\.jpg|\.png)$"
+    r"(?P<scene>scene_\d+)[\\/]+(?P<kind>rgb|depth|segmentation|semseg)_(?P<view>\d+)(?P<suffix>\.jpeg|\.jpg|\.png)$"
 )
 _RGB_FILE = re.compile(r"rgb_(\d+)(\.jpeg|\.jpg|\.png)")
 _SYNSET = re.compile(r"(?<!\d)(" + "|".join(SHAPENET_SYNSETS) + r")(?!\d)")
@@ -92,10 +93,10 @@ class Tod(DatasetFolder):
     above objects) and `semseg_0000V.png` (1 to 25 categories, 26 table), and one `scene_description.txt` (JSON).
 
     A list file defines each split: either `{train,val,test}.txt`, with a line such as
-    `training_set/scene_00012/rgb_00003.jpeg` per frame, or TOD-Z's `{train,val,test_open}_ids.npy`, arrays of such
-    paths. Any leading folders of these paths are ignored; a scene that is not preceded by one of the three set folders
-    is looked up in `training_set`. Without lists, a split is its folder without views 0 and 1, which show the room and
-    the empty table.
+    `training_set/scene_00012/rgb_00003.jpeg` per frame, or TOD-Z's `{train,val,test_open}_ids.npy`, arrays of the paths
+    of the segmentations. Any of a frame's images may stand for it. Leading folders of these paths are ignored; a scene
+    that is not preceded by one of the three set folders is looked up in `training_set`. Without lists, a split is its
+    folder without views 0 and 1, which show the room and the empty table.
 
     The category of an object is the majority category of its pixels in `semseg`. If that file is missing, it is the
     ShapeNet synset of the object's mesh in the scene description (object k has the id k + 2), and otherwise unknown.
@@ -347,14 +348,20 @@ root/
                     f"entry {number} is {entry!r}; expected a path that ends like "
                     "training_set/scene_00012/rgb_00003.jpeg",
                 )
-            folder = match["folder"] or FOLDERS["train"]
-            views[_View(f"{folder}/{match['scene']}", match["view"], match["suffix"])] = None
+            scene = f"{match['folder'] or FOLDERS['train']}/{match['scene']}"
+            suffix = match["suffix"] if match["kind"] == "rgb" else self._rgb_suffix(scene, match["view"])
+            views[_View(scene, match["view"], suffix)] = None
         if len(views) < len(entries):
             log.warning("%s names %d frames twice; each is read once", path, len(entries) - len(views))
         if views and not any(self._files(view)[0].exists() for view in views):
             first = self._files(next(iter(views)))[0]
             raise self._not_found(f"none of the {len(views)} frames that {path} lists is there; the first is {first}")
         return tuple(views), 0
+
+    def _rgb_suffix(self, scene: str, number: str) -> str:
+        """Return the suffix of the colour image of a view; TOD's if there is no such image."""
+        present = (s for s in _RGB_SUFFIXES if self._files(_View(scene, number, s))[0].exists())
+        return next(present, _RGB_SUFFIXES[0])
 
     def _views_of_folder(self) -> tuple[tuple[_View, ...], int]:
         folder = FOLDERS[self.split]

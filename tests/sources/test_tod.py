@@ -206,6 +206,17 @@ def test_todz_arrays_are_read_by_pattern(root: Path, prefix: str) -> None:
     assert Tod(root, "test")[0].categories == {2: "mug", 3: "bowl"}
 
 
+def test_any_image_of_a_frame_may_stand_for_it(root: Path) -> None:
+    # The lists that the authors of TOD-Z publish name the segmentations.
+    write_view(root / "training_set/scene_00008", 4, *masks(), suffix="png")
+    paths = ["scene_00007/segmentation_00002.png", "scene_00008/semseg_00004.png", "scene_00007/depth_00003.png"]
+    np.save(root / "train_ids.npy", np.array([f"/data/v5/training_set/{path}" for path in paths]))
+    train = Tod(root, "train")
+    assert train.names == tuple(f"training_set/scene_{name}" for name in ("00007/00002", "00008/00004", "00007/00003"))
+    assert [train.files(index)[0].name for index in range(3)] == ["rgb_00002.jpeg", "rgb_00004.png", "rgb_00003.jpeg"]
+    assert train[0].categories == {2: "mug", 3: "bowl"}
+
+
 def test_lists_can_lie_elsewhere(root: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     elsewhere = tmp_path_factory.mktemp("lists")
     (elsewhere / "test.txt").write_text("test_set/scene_00000/rgb_00003.jpeg\n")
@@ -236,9 +247,9 @@ def test_an_array_of_numbers_is_no_list(root: Path) -> None:
 
 def test_a_bad_line_is_named(root: Path) -> None:
     (root / "train.txt").write_text(
-        "training_set/scene_00000/rgb_00002.jpeg\ntraining_set/scene_00000/depth_00002.png\n"
+        "training_set/scene_00000/rgb_00002.jpeg\ntraining_set/scene_00000/feats_00002.npy\n"
     )
-    with pytest.raises(FrameReadError, match=r"train\.txt: entry 2 is 'training_set/scene_00000/depth_00002\.png'"):
+    with pytest.raises(FrameReadError, match=r"train\.txt: entry 2 is 'training_set/scene_00000/feats_00002\.npy'"):
         len(Tod(root, "train"))
 
 
