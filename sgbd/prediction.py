@@ -20,7 +20,7 @@ from sgbd.reporting.overlay import overlay
 from sgbd.segmentation import Segmentation
 from sgbd.sources import ColorDepthRecording, Folder, FrameReadError, FrameSource, TumRecording, VideoPair
 from sgbd.sources.camera import intrinsics_option
-from sgbd.sources.image import IMAGE_SUFFIXES, checked_depth_scale, read_depth, read_rgb
+from sgbd.sources.image import IMAGE_SUFFIXES, checked_depth_scale, image_files, read_depth, read_rgb
 from sgbd.sources.notices import info_once
 from sgbd.sources.tum_recording import TOLERANCE, TUM_DEPTH_SCALE
 from sgbd.sources.video_pair import VIDEO_SUFFIXES
@@ -198,16 +198,15 @@ def _frame_name(path: Path) -> str:
 
 def _images_by_name(folder: Path) -> dict[str, Path]:
     images: dict[str, Path] = {}
-    for path in sorted(folder.iterdir()):
-        if path.suffix.lower() in IMAGE_SUFFIXES:
-            name = _frame_name(path)
-            if name in images:
-                raise FrameReadError(
-                    path,
-                    f"frame {name!r} has two images, this one and {images[name].name}. A folder that holds colour and "
-                    "depth images is given as rgb alone.",
-                )
-            images[name] = path
+    for path in image_files(folder):
+        name = _frame_name(path)
+        if name in images:
+            raise FrameReadError(
+                path,
+                f"frame {name!r} has two images, this one and {images[name].name}. A folder that holds colour and "
+                "depth images is given as rgb alone.",
+            )
+        images[name] = path
     return images
 
 

@@ -13,7 +13,7 @@ from sgbd.frame import MILLIMETERS, Frame, Intrinsics
 from sgbd.sources.camera import intrinsics_from, intrinsics_option
 from sgbd.sources.camera_file import CAMERA_FILES, CameraFile, find_camera_file, read_camera_file
 from sgbd.sources.errors import FrameReadError
-from sgbd.sources.image import IMAGE_SUFFIXES, checked_depth_scale, read_depth, read_rgb
+from sgbd.sources.image import IMAGE_SUFFIXES, checked_depth_scale, image_files, read_depth, read_rgb
 from sgbd.sources.notices import info_once
 from sgbd.sources.recording import Recording
 
@@ -159,9 +159,7 @@ root/
 
 def _images_by_number(folder: Path) -> dict[int, Path]:
     images: dict[int, Path] = {}
-    for path in sorted(folder.iterdir()):
-        if path.suffix.lower() not in IMAGE_SUFFIXES or not path.is_file():
-            continue
+    for path in image_files(folder):
         match = _NUMBER.search(path.stem)
         if match is None:
             raise FrameReadError(path, "its name has no number, by which colour and depth would be paired")

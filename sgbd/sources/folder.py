@@ -13,7 +13,7 @@ from sgbd.frame import MILLIMETERS, Frame, Intrinsics
 from sgbd.sources.camera import intrinsics_from, intrinsics_option
 from sgbd.sources.dataset_folder import DatasetFolder
 from sgbd.sources.errors import FrameReadError
-from sgbd.sources.image import IMAGE_SUFFIXES, checked_depth_scale, read_depth, read_labels, read_rgb
+from sgbd.sources.image import checked_depth_scale, image_files, read_depth, read_labels, read_rgb
 from sgbd.sources.label_rule import MOSD, LabelRule, detect_label_rule, read_instances
 from sgbd.sources.notices import info_once
 
@@ -177,21 +177,17 @@ def _images(folder: Path) -> dict[str, dict[str, Path]]:
     found: dict[str, dict[str, Path]] = {kind: {} for kind in KINDS}
     in_subfolders = (folder / "rgb").is_dir() and (folder / "depth").is_dir()
     if in_subfolders:
-        files = [(kind, path.stem, path) for kind in KINDS for path in _image_files(folder / kind)]
+        files = [
+            (kind, path.stem, path) for kind in KINDS if (folder / kind).is_dir() for path in image_files(folder / kind)
+        ]
     else:
-        matches = ((_KIND_FILE.fullmatch(path.stem), path) for path in _image_files(folder))
+        matches = ((_KIND_FILE.fullmatch(path.stem), path) for path in image_files(folder))
         files = [(match["kind"], match["name"], path) for match, path in matches if match]
     for kind, name, path in files:
         if name in found[kind]:
             raise FrameReadError(path, f"frame {name!r} has two {kind} images, this one and {found[kind][name].name}")
         found[kind][name] = path
     return found
-
-
-def _image_files(folder: Path) -> list[Path]:
-    if not folder.is_dir():
-        return []
-    return sorted(path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES and path.is_file())
 
 
 def _depth_path(rgb: Path) -> Path:

@@ -19,6 +19,15 @@ _GRAY_8_BIT = ("1", "L", "P")
 _GRAY_DEEP = ("I", "I;16", "I;16B", "I;16L", "I;16N")
 
 
+def image_files(folder: Path) -> list[Path]:
+    """Return the image files of a folder, sorted; hidden ones, such as macOS leaves beside every file, are left out."""
+    return sorted(
+        path
+        for path in folder.iterdir()
+        if path.suffix.lower() in IMAGE_SUFFIXES and not path.name.startswith(".") and path.is_file()
+    )
+
+
 def checked_depth_scale(depth_scale: float) -> float:
     """Return the depth scale (metres per unit) if it is valid.
 

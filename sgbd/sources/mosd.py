@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -153,7 +152,7 @@ root/
         for part in self.parts[self.split]:
             if not (self.root / part).is_dir():
                 raise self._not_found(f"there is no folder {part}")
-            found = [name[:-4] for name in os.listdir(self.root / part) if name.endswith(".pcd")]  # noqa: PTH208
+            found = [path.stem for path in (self.root / part).glob("[!.]*.pcd")]
             if not found:
                 raise self._not_found(f"there is no point cloud (.pcd) in {part}")
             names += [f"{part}/{name}" for name in sorted(found, key=natural_order)]

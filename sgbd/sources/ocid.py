@@ -216,7 +216,7 @@ root/
                 other = next((name for name in DEPTHS if (folder / name).is_dir()), None)
                 hint = f"; use dataset.depth={other}" if other else ""
                 raise self._not_found(f"there is no folder {self.depth} in {sequence}{hint}")
-            names += [f"{sequence}/{path.stem}" for path in sorted((folder / "rgb").glob("*.png"))]
+            names += [f"{sequence}/{path.stem}" for path in sorted((folder / "rgb").glob("[!.]*.png"))]
         if not names:
             raise self._not_found(f"there is no colour image in the sequences of split {self.split!r}")
         return tuple(names)

@@ -57,6 +57,13 @@ def test_images_of_one_number_are_a_frame(tmp_path: Path, caplog: pytest.LogCapt
     assert "1000 units a metre (option: depth_scale, now 0.001); the camera is unknown" in caplog.text
 
 
+def test_hidden_files_are_no_frames(tmp_path: Path) -> None:
+    write_recording(tmp_path, ["color/1.png"], ["depth/1.png"])
+    for folder in ("color", "depth"):
+        (tmp_path / folder / "._1.png").write_bytes(b"")  # as macOS leaves on some file systems
+    assert ColorDepthRecording(tmp_path).names == ("1",)
+
+
 def test_camera_and_unit_are_those_of_the_file(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
     root = write_recording(tmp_path, ["color/0.png"], ["depth/0.png"], OPEN3D | {"depth_scale": 4000.0})

@@ -72,6 +72,14 @@ def test_file_name_endings_may_be_upper_case_and_colours_jpeg(tmp_path: Path) ->
     assert Folder(tmp_path)[0].rgb.shape == (2, 2, 3)
 
 
+def test_hidden_files_are_no_frames(tmp_path: Path) -> None:
+    write_triple(tmp_path, "a")
+    # On some file systems, macOS leaves such files beside all others.
+    for kind in ("rgb", "depth", "labels"):
+        (tmp_path / f"._a_{kind}.png").write_bytes(b"")
+    assert Folder(tmp_path).names == ("a",)
+
+
 def test_subfolders_train_val_test_are_splits(tmp_path: Path) -> None:
     write_triple(tmp_path / "train", "one")
     write_triple(tmp_path / "test", "two")

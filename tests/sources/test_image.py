@@ -14,7 +14,7 @@ from PIL import Image, ImageFile
 
 from sgbd.frame import FrameError
 from sgbd.sources.errors import FrameReadError
-from sgbd.sources.image import read_depth, read_labels, read_rgb
+from sgbd.sources.image import image_files, read_depth, read_labels, read_rgb
 
 RNG = np.random.default_rng(0)
 COLORS = RNG.integers(0, 256, (24, 32, 3), dtype=np.uint8)
@@ -25,6 +25,13 @@ DEPTH = RNG.integers(0, 65536, (24, 32), dtype=np.uint16)
 def saved(path: Path, array: npt.NDArray[np.generic], **options: object) -> Path:
     Image.fromarray(array).save(path, **options)  # type: ignore[arg-type]
     return path
+
+
+def test_images_of_a_folder_are_sorted_and_hidden_ones_left_out(tmp_path: Path) -> None:
+    for name in ("b.png", "a.JPG", "c.jpeg", "._b.png", ".hidden.png", "d.txt"):
+        (tmp_path / name).write_bytes(b"")
+    (tmp_path / "folder.png").mkdir()
+    assert [path.name for path in image_files(tmp_path)] == ["a.JPG", "b.png", "c.jpeg"]
 
 
 def test_rgb_png_is_exact(tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Fram
 
 def test_organised_and_unorganised_clouds_are_read(tree: tuple[Path, dict[str, Frame]]) -> None:
     root, frames = tree
+    (root / "learn/._learn0.pcd").write_bytes(b"")  # as macOS leaves on some file systems
     source = Mosd(root, intrinsics=SCENE_CAMERA, resolution=SIZE)
     assert source.splits == ("test",)
     assert source.names == ("learn/learn0", "learn/learn2", "learn/learn10", "test/test0")

@@ -39,6 +39,14 @@ def test_all_frames_are_for_testing_by_default(tree: tuple[Path, dict[str, Frame
         assert frame.intrinsics == XTION
 
 
+def test_hidden_files_are_no_frames(tmp_path: Path) -> None:
+    write_ocid(tmp_path)
+    # On some file systems, macOS leaves such a file beside every other.
+    for folder in tmp_path.rglob("rgb"):
+        (folder / "._result_2018-08-20-14-53-00.png").write_bytes(b"")
+    assert len(Ocid(tmp_path)) == 10
+
+
 def test_the_second_support_can_be_background(tree: tuple[Path, dict[str, Frame]]) -> None:
     rule = LabelRule(background=[0, 1], support=[2], objects=["3-"])
     source = Ocid(tree[0], parts={"test": ["ARID20/table"]}, table_labels=rule)
