@@ -127,11 +127,12 @@ def browser() -> Iterator:
 
 @pytest.fixture(scope="module")
 def page(browser, tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Write evaluations of two datasets, one of them with a frame that shows only unseen objects."""
+    """Write a sweep and evaluations of two datasets, one of them with a frame that shows only unseen objects."""
     folder = tmp_path_factory.mktemp("results")
     frames = {"low": 0.1, "high": 0.9, NASTY: 0.5}
     write_run(folder / "first", frames, pictures=True, history=True, unseen_only=("high",))
     write_run(folder / "second", {"other": 0.3}, pictures=True, dataset="elsewhere")
+    write_sweep(folder / "third", {"null": None, "0.5": None, "0.25": None})
     path = folder / "report.html"
     path.write_text(report(folder))
     return path.as_uri()
@@ -193,6 +194,14 @@ def test_missing_values_stay_last_whichever_way_a_table_is_sorted(opened) -> Non
     for expected in (["25.0", "–", "–"], ["25.0", "–", "–"]):
         opened.execute_script("arguments[0].click()", button)
         assert [cell.text for cell in table.find_elements("css selector", "tbody td:nth-child(3)")] == expected
+
+
+def test_options_are_sorted_as_numbers_before_texts(opened) -> None:
+    table = css(opened, "#sweeps figure.table")[0]
+    button = table.find_element("css selector", "th:nth-child(1) button")
+    for expected in (["0.25", "0.5", "null"], ["null", "0.5", "0.25"]):
+        opened.execute_script("arguments[0].click()", button)
+        assert [cell.text for cell in table.find_elements("css selector", "tbody td:nth-child(1)")] == expected
 
 
 def test_frames_are_filtered(opened) -> None:
@@ -261,6 +270,17 @@ def test_links_open_what_is_folded_up(opened) -> None:
     opened.execute_script("arguments[0].click()", link)
     opened.execute_async_script("setTimeout(arguments[0], 100)")
     assert opened.find_element("id", "run-1").get_attribute("open") is not None
+
+
+def test_links_to_frames_that_are_filtered_out_show_them(opened) -> None:
+    choose(opened, "dataset", "elsewhere")
+    (link,) = css(opened, "#run-0 figure.table a[href='#frame-1']")
+    opened.execute_script("arguments[0].click()", link)
+    opened.execute_async_script("setTimeout(arguments[0], 100)")
+    top, bottom = opened.execute_script(
+        "const place = document.getElementById('frame-1').getBoundingClientRect(); return [place.top, place.bottom]"
+    )
+    assert 0 <= top < bottom <= opened.execute_script("return innerHeight")
 
 
 @pytest.mark.parametrize("width", [360, 768, 1280])

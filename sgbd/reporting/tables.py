@@ -142,7 +142,8 @@ def sweep_table(sweep: Sweep) -> Table:
         finished = int(row["finished"])
         jobs = finished + int(row["failed"]) + int(row["unfinished"])
         cells = [_setting(row[key]) for key in overrides]
-        cells.append(Cell(f"{finished} of {jobs}" if finished < jobs else str(jobs), float(finished)))
+        shown = f"{finished} of {jobs}" if finished < jobs else str(jobs) if jobs else "not run"
+        cells.append(Cell(shown, float(finished)))
         cells += [_compared(row[name], best[name], row[f"{name} std"]) for name in scores]
         rows.append([*cells, number(row["seconds"])])
     seeds = sorted(set(sweep.jobs["seed"]))

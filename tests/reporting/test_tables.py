@@ -69,6 +69,14 @@ def test_tables_of_a_sweep(tmp_path: Path) -> None:
     assert [row[0].link for row in jobs.rows[3:5]] == ["features=all, seed=1", None]
 
 
+def test_a_row_that_cannot_run_here_is_not_zero_jobs(tmp_path: Path) -> None:
+    folder = write_sweep(tmp_path / "s", {"rgb": None, "dino": "no weights"})
+    for path in (folder / ".jobs").iterdir():
+        path.write_text(path.read_text().replace('"failed"', '"not run"'))
+    (sweep,) = read_results(folder).sweeps
+    assert [row[:2] for row in shown(sweep_table(sweep))[1:]] == [["rgb", "2"], ["dino", "not run"]]
+
+
 def test_tables_that_compare(tmp_path: Path) -> None:
     runs = [read_run(write_run(tmp_path / name, {"a": 0.5}), name) for name in ("x", "y")]
     assert shown(overview_table(runs, {"x": "run-0"}))[1] == [

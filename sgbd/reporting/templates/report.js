@@ -4,7 +4,9 @@
 function compare(first, second, numeric, direction) {
   // What has no value stands last, whichever way the table is sorted.
   if (first === "" || second === "") return (first === "") - (second === "");
-  const order = numeric ? Number(first) - Number(second) : first.localeCompare(second, undefined, { numeric: true });
+  // A column of options has numbers between texts: null, 0.5, 0.25. As a text, 0.5 would be less than 0.25.
+  const difference = Number(first) - Number(second);
+  const order = numeric || !Number.isNaN(difference) ? difference : first.localeCompare(second, undefined, { numeric: true });
   return direction * order;
 }
 
@@ -175,6 +177,8 @@ function unfold() {
   }
   if (place.classList.contains("card") && place.hidden) {
     filters.reset();
+    // Now, because a hidden card cannot be scrolled to.
+    filter();
   }
   place.scrollIntoView();
 }
