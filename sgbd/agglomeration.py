@@ -342,12 +342,12 @@ def evidence(
     count = len(pixels)
     keys = wanted[0] * count + wanted[1]
     ends = np.sort(segment[fine_pairs], axis=0)
-    across = ends[0] != ends[1]
+    # With bounding-box adjacency, pairs of superpixels need no common border; those say nothing about one.
+    across = (ends[0] != ends[1]) & (length > 0)
     place = np.searchsorted(keys, ends[0, across] * count + ends[1, across])
     clipped = np.clip(said.edge_probability[across].astype(np.float64), CERTAIN, 1 - CERTAIN)
     logit = np.log(clipped / (1 - clipped))
-    # Pairs of superpixels need no common border if the first stage uses bounding-box adjacency.
-    border = np.maximum(length[across], 1)
+    border = length[across]
     total = np.bincount(place, border, len(keys))
     mean = np.bincount(place, border * logit, len(keys)) / np.maximum(total, 1)
     greatest = np.full(len(keys), -np.inf)

@@ -167,6 +167,16 @@ def test_logits_of_the_first_stage_are_averaged_along_the_border() -> None:
     assert columns == pytest.approx(np.array(expected), abs=1e-5)
 
 
+def test_superpixels_that_do_not_touch_say_nothing_about_a_border() -> None:
+    # Bounding-box adjacency pairs superpixels 0 and 2, and 1 and 3, which share no border.
+    pairs, length = np.array([[0, 0, 1, 2], [1, 2, 3, 3]]), np.array([5.0, 0.0, 0.0, 8.0], np.float32)
+    said = Classification(np.array([0.9, 0.5, 0.2, 0.7], np.float32), None)
+    wanted = np.array([[0, 0, 2], [1, 2, 3]])  # 0 and 2 are within reach of each other, 1 and 3 are not
+    columns = evidence(wanted, (pairs, length, np.arange(4)), said, np.full(4, 16))
+    logit = np.log([9, 7 / 3])
+    assert columns[:, :3] == pytest.approx(np.array([[1, logit[0], logit[0]], [0, 0, 0], [1, logit[1], logit[1]]]))
+
+
 def test_ends_of_one_object_have_its_colors_and_its_width() -> None:
     size = 20 * STRIDE
     rgb, label_map = np.zeros((size, 3 * size, 3), np.uint8), np.full((size, 3 * size), 3, np.int32)
