@@ -19,15 +19,16 @@ from sgbd.sources.recording import Recording
 
 log = logging.getLogger(__name__)
 
-_NUMBER = re.compile(r"(\d+)\D*$")
+_NUMBER = re.compile(r"(\d+)(?:\.(\d+))?\D*$")
 
 
 class ColorDepthRecording(Recording):
     """A folder with the image sequences `color` and `depth` and, optionally, a camera file.
 
     The two images of a frame have the same number (the last number in the file name): `color/000012.jpg` and
-    `depth/000012.png`, or `color/Color_12.png` and `depth/Depth_12.png`. The depth must be aligned to the colour
-    camera, as done by Open3D's recorder and librealsense's align filter. The camera is read from one of
+    `depth/000012.png`, or `color/Color_12.png` and `depth/Depth_12.png`. It may be a time in seconds, such as
+    `1305031102.175304`, if both images have the same. The depth must be aligned to the colour camera, as done by
+    Open3D's recorder and librealsense's align filter. The camera is read from one of
     `sgbd.sources.camera_file.CAMERA_FILES`; if such a file exists, the colour folder may also be called `rgb`.
 
     Args:
@@ -157,14 +158,16 @@ root/
             log.warning("%s: the lens distortion in it is left out; undistort the images if it is large", camera.path)
 
 
-def _images_by_number(folder: Path) -> dict[int, Path]:
-    images: dict[int, Path] = {}
+def _images_by_number(folder: Path) -> dict[tuple[int, str], Path]:
+    """Return the images of a folder by the integer part and the decimals of their number."""
+    images: dict[tuple[int, str], Path] = {}
     for path in image_files(folder):
         match = _NUMBER.search(path.stem)
         if match is None:
             raise FrameReadError(path, "its name has no number, by which colour and depth would be paired")
-        number = int(match[1])
+        number = (int(match[1]), match[2] or "")
         if number in images:
-            raise FrameReadError(path, f"it has the number {number}, as {images[number].name} has; rename one")
+            told = ".".join(filter(None, map(str, number)))
+            raise FrameReadError(path, f"it has the number {told}, as {images[number].name} has; rename one")
         images[number] = path
     return images

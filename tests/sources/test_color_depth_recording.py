@@ -57,6 +57,17 @@ def test_images_of_one_number_are_a_frame(tmp_path: Path, caplog: pytest.LogCapt
     assert "1000 units a metre (option: depth_scale, now 0.001); the camera is unknown" in caplog.text
 
 
+def test_times_as_numbers_keep_their_whole_seconds(tmp_path: Path) -> None:
+    times = ["12.000000", "9.000000", "9.5", "9.45", "10.7"]
+    colors = [f"color/{time}.png" for time in times]
+    depths = ["depth/12.000000.png", "depth/9.000000.png", "depth/9.5.png", "depth/9.45.png", "depth/11.7.png"]
+    frames = ColorDepthRecording(write_recording(tmp_path, colors, depths))
+    assert frames.names == ("9.000000", "9.45", "9.5", "10.7", "12.000000")
+    assert [frames[place].depth[0, 0] for place in (0, 1, 2, 4)] == pytest.approx([1.1, 1.3, 1.2, 1.0])
+    with pytest.raises(FrameReadError, match=r"10\.7\.png: the file does not exist"):
+        frames[3]
+
+
 def test_hidden_files_are_no_frames(tmp_path: Path) -> None:
     write_recording(tmp_path, ["color/1.png"], ["depth/1.png"])
     for folder in ("color", "depth"):
