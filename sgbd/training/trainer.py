@@ -13,6 +13,7 @@ import inspect
 import json
 import logging
 import math
+import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -573,7 +574,10 @@ def _described(part: object) -> str:
     """Describe a component in the same way in every process, that is, without Python's memory address."""
     if inspect.isroutine(part):
         return f"{part.__module__}.{part.__qualname__}"
-    return type(part).__qualname__ if type(part).__repr__ is object.__repr__ else repr(part)
+    if type(part).__repr__ is object.__repr__:
+        return type(part).__qualname__
+    # A function in a partial, which is how a configuration gives a loss of one's own, shows its address.
+    return re.sub(" at 0x[0-9A-Fa-f]+", "", repr(part))
 
 
 def _rank(score: float | None) -> float:

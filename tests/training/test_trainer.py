@@ -310,6 +310,28 @@ def test_the_state_of_another_training_is_refused(tmp_path: Path) -> None:
         run(tmp_path, Trainer(epochs=1, progress=False), recipe={**RECIPE, "features": {"node": None, "edge": None}})
 
 
+def test_a_loss_given_as_a_partial_does_not_change_the_training_in_another_process(tmp_path: Path) -> None:
+    def loss_of_a_process() -> Callable[..., torch.Tensor]:
+        """Return the same function at another address, as a new process does."""
+
+        def scaled_loss(logits: torch.Tensor, labels: torch.Tensor, weight: object = None, *, by: int) -> torch.Tensor:
+            return by * EdgeLoss()(logits, labels)
+
+        return scaled_loss
+
+    def trainer(by: int) -> Trainer:
+        loss: Any = functools.partial(loss_of_a_process(), by=by)
+        return Trainer(epochs=2, progress=False, edge_loss=loss)
+
+    first, second = trainer(by=2), trainer(by=2)
+    with pytest.raises(Killed):
+        run(tmp_path, first, sampler=KillingSampler(4))
+    result, _ = run(tmp_path, second)
+    assert result.history.epoch.tolist() == [1, 2]
+    with pytest.raises(TrainingError, match=r"edge_loss was functools\.partial\(.*by=2\), now .*by=3\)"):
+        run(tmp_path, trainer(by=3))
+
+
 @pytest.mark.parametrize("content", [b"", b"not a state", b"PK\x03\x04 cut off"])
 def test_a_damaged_state_is_named(content: bytes, tmp_path: Path) -> None:
     (tmp_path / "state.pt").write_bytes(content)
