@@ -242,4 +242,9 @@ def _checked_instances(instances: npt.ArrayLike, shape: tuple[int, ...], label: 
             f"{label}: instances must be -1 (ignore), 0 (background), 1 (supporting surface) or an object's id from 2; "
             f"got {int(array.min())}"
         )
+    if array.size and int(array.max()) > np.iinfo(np.int32).max:
+        raise FrameError(
+            f"{label}: instance ids must be at most {np.iinfo(np.int32).max}; got {int(array.max())}. Number the "
+            "objects anew, from 2 on."
+        )
     return np.ascontiguousarray(array.astype(np.int32))

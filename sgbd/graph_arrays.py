@@ -113,9 +113,9 @@ def overlap_table(
     Returns:
         Superpixel, instance and number of shared pixels, int64 [M] each, sorted by superpixel, then by instance.
     """
-    counted = instances != IGNORE
-    width = int(instances.max(initial=0)) + 1
-    keys = label_map[counted].astype(np.int64) * width + instances[counted]
-    counts = np.bincount(keys)
-    present = np.nonzero(counts)[0]
-    return present // width, present % width, counts[present].astype(np.int64)
+    from sgbd.metrics import ContingencyTable  # imported on use: segmenting imports this module, but not the metrics
+
+    # Its size does not depend on how large the ids are, which may be 1000 times a category plus a number.
+    table = ContingencyTable.from_label_maps(label_map, instances)
+    row, column = np.nonzero(table.counts)
+    return table.segments[row], table.instances[column], table.counts[row, column]

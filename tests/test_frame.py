@@ -130,6 +130,7 @@ def test_bad_depth_is_refused(depth: npt.NDArray[np.generic], message: str) -> N
         (np.zeros((3, 5), np.int32), r"\(3, 5\)"),
         (np.zeros((3, 4), np.float32), "integer"),
         (np.full((3, 4), -2), "got -2"),
+        (np.full((3, 4), 2**31, np.uint32), "at most 2147483647; got 2147483648"),
     ],
 )
 def test_bad_instances_are_refused(instances: npt.NDArray[np.generic], message: str) -> None:

@@ -133,6 +133,17 @@ def test_overlaps_add_up_and_labels_agree_with_the_majority(
         assert graph.node_instance[node] == (ids[counts.argmax()] if 2 * counts.sum() >= len(inside) else -1)
 
 
+def test_instances_may_have_large_ids() -> None:
+    label_map = np.arange(12, dtype=np.int32).reshape(3, 4) // 2
+    instances = np.where(label_map < 3, -1, 2**31 - 1 - label_map % 2).astype(np.int32)
+    instances[0, :3] = 26_003
+    assert [values.tolist() for values in overlap_table(label_map, instances)] == [
+        [0, 1, 3, 4, 5],
+        [26_003, 26_003, 2**31 - 2, 2**31 - 1, 2**31 - 2],
+        [2, 1, 2, 2, 2],
+    ]
+
+
 def test_edge_positions_find_any_direction_and_name_what_is_missing() -> None:
     edge_index = torch.tensor([[0, 1, 1, 2], [1, 2, 0, 1]])
     pairs = torch.tensor([[2, 0, 1], [1, 1, 0]])
