@@ -62,20 +62,24 @@ def config_hash(config: DictConfig) -> str:
     return digest([__version__, values])
 
 
-def job_folder(override_dirname: str) -> str:
+def job_folder(override_dirname: str, name: str = "", experiment: str | None = None) -> str:
     """Return a folder name for a job of a sweep, made from its overrides.
 
     Args:
         override_dirname: Hydra's `hydra.job.override_dirname`, such as `features=rgb,model=mlp`.
+        name: Name of the outputs, and of the folder above.
+        experiment: The chosen experiment, if any. It is part of the folder's name unless it is the name of the outputs.
 
     Returns:
-        One path component: separators become `_`, and names that are too long end in a digest. `base` if there are no
-        overrides.
+        One path component: separators become `_`, and names that are too long are cut. If the name was changed, it ends
+        in a digest, so that the folders of two jobs differ. `base` if there are no overrides.
     """
-    name = re.sub(r"[/\\:\s]+", "_", override_dirname).lstrip(".") or "base"
-    if len(name) > LONGEST_NAME:
-        name = f"{name[: LONGEST_NAME - 11]}-{digest(override_dirname)[:10]}"
-    return name
+    chosen = [] if experiment in (None, name) else [f"experiment={experiment}"]
+    whole = ",".join([*chosen, *filter(None, [override_dirname])]) or "base"
+    readable = re.sub(r"[/\\:\s]+", "_", whole).lstrip(".")
+    if readable != whole or len(readable) > LONGEST_NAME:
+        readable = f"{readable[: LONGEST_NAME - 11]}-{digest(whole)[:10]}"
+    return readable
 
 
 OmegaConf.register_new_resolver("job_folder", job_folder, replace=True)

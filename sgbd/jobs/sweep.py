@@ -63,7 +63,8 @@ class SweepTable(Callback):
             all scores.
         plot: Names of the scores to plot.
         seed: The override over whose values scores are averaged.
-        immaterial: Overrides that do not identify a row, such as the number of workers.
+        immaterial: Overrides that do not identify a row, such as the number of workers. The experiment does not either
+            if it is the name of the outputs.
     """
 
     def __init__(
@@ -71,7 +72,7 @@ class SweepTable(Callback):
         columns: Sequence[str] = ("*",),
         plot: Sequence[str] = ("seen/overlap_f", "unseen/overlap_f", "hm/overlap_f"),
         seed: str = "seed",
-        immaterial: Sequence[str] = ("experiment", *PLACES, *IMMATERIAL),
+        immaterial: Sequence[str] = (*PLACES, *IMMATERIAL),
     ) -> None:
         self.columns = tuple(columns)
         self.plot = tuple(plot)
@@ -80,7 +81,7 @@ class SweepTable(Callback):
         self.sweep: str | None = None
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
-        """Identify the sweep, and move the table of another sweep aside."""
+        """Identify the sweep."""
         settings = config.hydra
         values = OmegaConf.to_container(config, resolve=False, enum_to_str=True)
         assert isinstance(values, dict)
@@ -89,21 +90,23 @@ class SweepTable(Callback):
         params = OmegaConf.select(settings, "sweeper.params")
         swept = [f"{key}={value}" for key, value in (params or {}).items()]
         material = [
-            override for override in settings.overrides.task if _split_override(override)[0] not in self.immaterial
+            override for override in settings.overrides.task if self._is_material(*_split_override(override), config)
         ]
         self.sweep = digest([__version__, values, swept, material])[:12]
-        folder = Path(settings.sweep.dir)
+
+    def on_job_start(self, config: DictConfig, *, task_function: TaskFunction, **kwargs: Any) -> None:
+        """Record that a job of the sweep has started, and move the table of another sweep in its folder aside."""
+        if self.sweep is None:
+            return
+        # Of the job: in a sweep over experiments, each has the folder of its own name.
+        folder = Path(config.hydra.sweep.dir)
         folder.mkdir(parents=True, exist_ok=True)
         with one_process_at_a_time(folder / LOCK_FILE, log, f"writes the table of {folder}"):
             known = read_json(folder / RECORDS_FOLDER / "sweep.json")
             if known is not None and known["sweep"] != self.sweep:
                 move_aside(folder, only=("table.csv", "table.md", "table.png", RECORDS_FOLDER))
             write_json(folder / RECORDS_FOLDER / "sweep.json", {"sweep": self.sweep})
-
-    def on_job_start(self, config: DictConfig, *, task_function: TaskFunction, **kwargs: Any) -> None:
-        """Record that a job of the sweep has started."""
-        if self.sweep is not None:
-            self._record(config, "unfinished")
+        self._record(config, "unfinished")
 
     def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:
         """Record how a job of the sweep ended, and write the table."""
@@ -127,7 +130,15 @@ class SweepTable(Callback):
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
         """Log the path of the table."""
-        log.info("Table of the sweep: %s", Path(config.hydra.sweep.dir) / "table.md")
+        folder = Path(config.hydra.sweep.dir)
+        known = read_json(folder / RECORDS_FOLDER / "sweep.json")
+        if known is not None and known["sweep"] == self.sweep:
+            log.info("Table of the sweep: %s", folder / "table.md")
+        else:
+            log.info("Tables of the sweep: %s", folder.with_name("<name of the experiment>") / "table.md")
+
+    def _is_material(self, key: str, value: str, config: DictConfig) -> bool:
+        return key not in self.immaterial and (key, value) != ("experiment", config.get("name"))
 
     def _record(self, config: DictConfig, state: str, error: str | None = None) -> None:
         settings = config.hydra
@@ -135,7 +146,7 @@ class SweepTable(Callback):
         seed = overrides.pop(self.seed, None)
         record = {
             "number": settings.job.num,
-            "overrides": {key: value for key, value in overrides.items() if key not in self.immaterial},
+            "overrides": {key: value for key, value in overrides.items() if self._is_material(key, value, config)},
             "seed": OmegaConf.select(config, self.seed) if seed is None else seed,
             "folder": os.path.relpath(settings.runtime.output_dir, settings.sweep.dir),
             "state": state,

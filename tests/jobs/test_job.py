@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 import math
 import threading
 from pathlib import Path
@@ -44,9 +45,20 @@ def test_hash_leaves_the_configuration_alone():
 
 def test_job_folder_is_one_path_component():
     assert job_folder("features=rgb,model=mlp") == "features=rgb,model=mlp"
-    assert job_folder("dataset.root=/a/b c") == "dataset.root=_a_b_c"
-    assert job_folder("../x") == "_x"
+    assert re.fullmatch(r"dataset\.root=_a_b_c-[0-9a-f]{10}", job_folder("dataset.root=/a/b c"))
+    assert re.fullmatch(r"_x-[0-9a-f]{10}", job_folder("../x"))
     assert job_folder("") == "base"
+
+
+def test_job_folders_that_differ_in_separators_stay_apart():
+    assert len({job_folder(f"dataset.root={root}") for root in ("/a/b", "/a_b", "/a b", "_a_b")}) == 4
+
+
+def test_an_experiment_under_another_name_is_part_of_the_folder():
+    assert job_folder("model=mlp", "graph", "graph") == "model=mlp"
+    assert job_folder("model=mlp", "train", None) == "model=mlp"
+    assert job_folder("model=mlp", "train", "mine") == "experiment=mine,model=mlp"
+    assert job_folder("", "train", "mine") == "experiment=mine"
 
 
 def test_long_job_folders_stay_apart():

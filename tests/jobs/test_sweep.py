@@ -168,6 +168,29 @@ def test_a_sweep_with_a_failing_job_is_repeated_and_extended(tmp_path):
     assert pd.read_csv(sweep / "earlier-1" / "table.csv")["hm/overlap_f"].tolist() == [0.8, 0.5, 0.25, 0.1]
 
 
+def test_a_sweep_over_experiments_has_a_row_and_folders_for_each(tmp_path):
+    (tmp_path / "mine" / "experiment").mkdir(parents=True)
+    for name, share in (("few", 0.1), ("many", 0.9)):
+        text = f"# @package _global_\nsampler:\n  positive_share: {share}\n"
+        (tmp_path / "mine" / "experiment" / f"{name}.yaml").write_text(text)
+    run = launch(tmp_path, "-m", "--config-dir", "mine", "+experiment=few,many", "seed=0,1")
+    assert run.returncode == 0, run.stderr
+    lines = (tmp_path / "outputs" / "sweeps" / "train" / "table.md").read_text().splitlines()
+    rows = [[cell.strip() for cell in line.strip("|").split("|")][:3] for line in lines[2:4]]
+    assert rows == [["few", "2", "10.50 ± 0.71"], ["many", "2", "90.50 ± 0.71"]]
+
+    # Experiments with names of their own have tables of their own, without jobs of earlier sweeps.
+    earlier = tmp_path / "outputs" / "sweeps" / "graph" / ".jobs"
+    earlier.mkdir(parents=True)
+    (earlier / "sweep.json").write_text(json.dumps({"sweep": "another"}))
+    (earlier / "00009.json").write_text("{}")
+    run = launch(tmp_path, "-m", "+experiment=graph,ablate_models")
+    assert run.returncode == 0, run.stderr
+    assert len(pd.read_csv(tmp_path / "outputs" / "sweeps" / "graph" / "table.csv")) == 1
+    assert len(pd.read_csv(tmp_path / "outputs" / "sweeps" / "ablate_models" / "table.csv")) == 1
+    assert len(pd.read_csv(tmp_path / "outputs" / "sweeps" / "train" / "table.csv")) == 4
+
+
 def test_what_this_machine_cannot_run_is_reported_and_is_no_failure(sweep):
     record(sweep, 5, "not run", error="no weights here", features="dino", seed=0, sampler="balanced")
     jobs = read_jobs(sweep)
