@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 from omegaconf import DictConfig
@@ -41,10 +42,10 @@ def main(config: DictConfig) -> None:
         min_objects=config.min_objects,
         seed=config.seed,
     )
-    folder = Path(config.output or output_folder())
+    folder = output_folder() if config.output is None else Path(config.output).expanduser()
     report = write_split(folder, source, frames, split, groups, config.name)
     print(f"\n{report}\nLists, report and dataset option: {folder}\nTo use it:\n")
-    print(f"python -m sgbd.train --config-dir {folder} dataset={config.name}")
+    print(shlex.join(["python", "-m", "sgbd.train", "--config-dir", str(folder), f"dataset={config.name}"]))
 
 
 if __name__ == "__main__":

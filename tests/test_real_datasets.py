@@ -105,16 +105,16 @@ def test_a_split_is_built_written_and_read(
     write_tod(tmp_path / "tod", scenes=10)
     seen = ",".join(sorted(TODZ_SEEN))
     options = (
-        "dataset=tod", f"dataset.root={tmp_path / 'tod'}", "workers=0", f"seen=[{seen}]", "name=mine", "output=made",
+        "dataset=tod", f"dataset.root={tmp_path / 'tod'}", "workers=0", f"seen=[{seen}]", "name=mine", "output=my list",
         "scene_shares={train: 0.4, val: 0.2, test: 0.4}", "train_frames=4",
     )  # fmt: skip
     assert command("split", *options) == 0
     told = capsys.readouterr().out
-    report = (tmp_path / "made/report.md").read_text()
+    report = (tmp_path / "my list/report.md").read_text()
     assert report in told
-    assert "--config-dir made dataset=mine" in told
+    assert "python -m sgbd.train --config-dir 'my list' dataset=mine" in told
     lists = {
-        name: [line for line in (tmp_path / f"made/{name}.txt").read_text().splitlines() if not line.startswith("#")]
+        name: [line for line in (tmp_path / f"my list/{name}.txt").read_text().splitlines() if not line.startswith("#")]
         for name in ("train", "val", "test_open", "test_closed")
     }
     assert len(lists["train"]) == 4
@@ -126,7 +126,7 @@ def test_a_split_is_built_written_and_read(
     # The written configuration reads all frames of the split without warnings.
     with caplog.at_level(logging.WARNING), initialize_config_dir(str(config_folder()), version_base="1.3"):
         for name, test in (("mine", "test_open"), ("mine_closed", "test_closed")):
-            config = OmegaConf.load(tmp_path / f"made/dataset/{name}.yaml")
+            config = OmegaConf.load(tmp_path / f"my list/dataset/{name}.yaml")
             for split in ("train", "val", "test"):
                 source = instantiate(config, split=split)
                 assert type(source) is Tod
@@ -136,7 +136,7 @@ def test_a_split_is_built_written_and_read(
                 assert source.seen == TODZ_SEEN
                 assert source.category_names == TOD_CATEGORIES
     assert not caplog.records
-    assert command("prepare", "--config-dir", "made", "dataset=mine", "superpixels.n_segments=12", "workers=0") == 0
+    assert command("prepare", "--config-dir", "my list", "dataset=mine", "superpixels.n_segments=12", "workers=0") == 0
 
 
 def test_groups_must_hold_every_category_once(
