@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,13 +71,17 @@ class Augmented(FrameSource):
     @property
     def names(self) -> tuple[str, ...]:
         """Name of each frame, followed by the names of its copies: NAME~1, NAME~2."""
-        endings = ["", *(f"~{number}" for number in range(1, self.copies + 1))]
-        return tuple(name + ending for name in self.source.names for ending in endings)
+        return self._names
 
     @property
     def splits(self) -> tuple[str, ...]:
         """The splits of the underlying dataset."""
         return self.source.splits
+
+    @cached_property
+    def _names(self) -> tuple[str, ...]:
+        endings = ["", *(f"~{number}" for number in range(1, self.copies + 1))]
+        return tuple(name + ending for name in self.source.names for ending in endings)
 
     def generate(self, workers: int = 0, progress: bool = True) -> None:
         """Generate the underlying dataset, if it is a synthetic one."""

@@ -40,6 +40,7 @@ def augmented(root: Path, split: str = "train", **options: int) -> Augmented:
 def test_training_frames_are_followed_by_their_copies(root: Path) -> None:
     source = augmented(root)
     assert source.names == ("a", "a~1", "a~2", "b", "b~1", "b~2")
+    assert source.names is source.names, "the preparation asks for the names several times per frame"
     assert source.splits == ("train", "test")
     assert [frame.name for frame in source] == list(source.names)
     plain = Folder(root, "train")
