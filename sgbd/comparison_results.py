@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 import pandas as pd
@@ -115,7 +116,7 @@ def write_failures(judged: Sequence[Judged], source: FrameSource, folder: Path, 
             path = write_figure(figure, folder / "failures" / one.name / f"{name.replace('/', '_')}.png")
             kinds = ", ".join(f"{failures.count(kind)} {kind}" for kind in _kinds_of(failures))
             lines.append(f"`{name}`, {failures.objects} objects: {kinds or 'no failure'}")
-            lines.append(f"![{name}]({path.relative_to(folder).as_posix()})")
+            lines.append(f"![{name}]({quote(path.relative_to(folder).as_posix())})")
     write_whole(folder / "failures.md", ("\n\n".join(lines) + "\n").encode())
     return table
 

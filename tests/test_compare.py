@@ -25,7 +25,7 @@ def test_models_baselines_and_label_images_side_by_side(
 ) -> None:
     here = (
         "dataset=folder", f"dataset.root={frames}", BASELINES, "superpixels.n_segments=12", "workers=0", "pictures=1",
-        f"checkpoints={{untrained: {trained}}}", f"predictions={{other: {label_images}}}",
+        f"checkpoints={{untrained: {trained}}}", f"predictions={{other one: {label_images}}}",
         "sections=[scores,failures,pictures]",
     )  # fmt: skip
     assert command("compare", *here, "hydra.run.dir=out") == 0
@@ -35,9 +35,9 @@ def test_models_baselines_and_label_images_side_by_side(
         "untrained": "model",
         "threshold_cut": "baseline",
         "plane_removal": "baseline",
-        "other": "label images",
+        "other one": "label images",
     }
-    assert rows.loc["other", "unaided/f75"] == 0.5
+    assert rows.loc["other one", "unaided/f75"] == 0.5
     assert np.isnan(rows.loc["threshold_cut", "unaided/f75"])
     # The scores equal those of python -m sgbd.evaluate.
     evaluated = ("dataset=folder", f"dataset.root={frames}", f"checkpoint={trained}", "workers=0", "pictures=0")
@@ -46,11 +46,12 @@ def test_models_baselines_and_label_images_side_by_side(
         assert rows.loc["untrained", name] == pytest.approx(score)
     counts = pd.read_csv(out / "failures.csv", index_col="method")
     assert (counts["objects"] == 6).all()
-    assert counts.loc["other", "found"] == 3
-    assert counts.loc["other", "over-merged"] == 3
+    assert counts.loc["other one", "found"] == 3
+    assert counts.loc["other one", "over-merged"] == 3
     pages = (out / "failures.md").read_text()
     assert "`scene6`, 3 objects: 3 over-merged" in pages
-    for picture in ("failures/other/scene6.png", "pictures/untrained.png", "pictures/methods.png"):
+    assert "![scene6](failures/other%20one/scene6.png)" in pages
+    for picture in ("failures/other one/scene6.png", "pictures/untrained.png", "pictures/methods.png"):
         assert iio.imread(out / picture).std() > 10
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import functools
 import os
+import re
 import shlex
 import sys
 from collections.abc import Callable
@@ -26,6 +27,9 @@ from sgbd.machine.workers import pythons_start_method
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as in shells (128 + SIGINT)."""
+
+LISTS_OF_NAMES = ("trust", "splits", "sections")
+"""Keys of commands that are lists of names; for a single name, the brackets can be left out."""
 
 
 OmegaConf.register_new_resolver("command_help", lambda _root_: command_help(_root_), replace=True)
@@ -96,8 +100,9 @@ def entry_point(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Cal
         def guarded(config: DictConfig) -> Any:
             nonlocal begun
             begun = True
-            if isinstance(config.get("trust"), str):
-                config.trust = [config.trust]
+            for key in LISTS_OF_NAMES:
+                if isinstance(config.get(key), str):
+                    config[key] = [config[key]]
             experiment = HydraConfig.get().runtime.choices.get("experiment")
             wrong = other_command(config_folder(), config_name, experiment) if experiment else None
             try:
@@ -184,5 +189,11 @@ def _how_to_continue() -> str:
     settings = HydraConfig.get() if HydraConfig.initialized() else None
     if settings is None or settings.mode != RunMode.RUN or settings.job.name != "train":
         return kept + "repeat the command to go on."
-    overrides = shlex.join([*settings.overrides.task, f"hydra.run.dir={settings.runtime.output_dir}"])
-    return f"{kept}go on with: python -m sgbd.{settings.job.name} {overrides}"
+    own = [source.path for source in settings.runtime.config_sources if source.provider == "command-line"]
+    folder = settings.runtime.output_dir
+    if not re.fullmatch(r"[\w./:-]+", folder, re.ASCII):
+        # Within the quotes of the shell, Hydra needs its own.
+        folder = "'" + folder.replace("\\", "\\\\").replace("'", "\\'") + "'"
+    options = [word for path in own for word in ("--config-dir", path)]
+    arguments = shlex.join([*options, *settings.overrides.task, f"hydra.run.dir={folder}"])
+    return f"{kept}go on with: python -m sgbd.{settings.job.name} {arguments}"

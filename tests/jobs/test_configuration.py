@@ -5,6 +5,7 @@ import functools
 import inspect
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -385,6 +386,31 @@ def test_ctrl_c_ends_with_130(program):
     assert process.returncode == 130
     assert "Interrupted." in stderr
     assert "Traceback" not in stderr
+
+
+def test_the_command_to_go_on_with_names_options_and_a_folder_of_ones_own(tmp_path):
+    (tmp_path / "mine" / "model").mkdir(parents=True)
+    (tmp_path / "mine" / "model" / "own.yaml").write_text("_target_: my_package.MyModel\n")
+    told = 'raise OSError(28, "No space left on device", "weights")'
+    (tmp_path / "train.py").write_text(PROGRAM.replace('"prepare"', '"train"').replace("time.sleep(600)", told))
+
+    def run(*arguments: str) -> subprocess.CompletedProcess:
+        command = [sys.executable, "train.py", *arguments]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+
+    failed = run("--config-dir", "mine", "model=own", "output_dir='it\\'s (mine)'")
+    assert failed.returncode == 1
+    words = shlex.split(failed.stderr.partition("go on with: python -m sgbd.train ")[2].splitlines()[0])
+    again = run(*words, "--cfg", "hydra")
+    assert again.returncode == 0, again.stderr
+    assert OmegaConf.create(again.stdout).hydra.run.dir.startswith(f"{tmp_path}/it's (mine)/train/")
+
+
+def test_a_single_name_needs_no_brackets(tmp_path):
+    (tmp_path / "program.py").write_text(PROGRAM.replace("time.sleep(600)", "print(list(config.splits))"))
+    command = [sys.executable, "program.py", "splits=train"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    assert done.stdout == "ready\n['train']\n", done.stderr
 
 
 def test_options_of_ones_own(program, tmp_path):
