@@ -12,7 +12,7 @@ from sgbd.checkpoint import find_checkpoint
 from sgbd.frame import FrameError
 from sgbd.jobs.configuration import ConfigurationError, entry_point, output_folder
 from sgbd.machine.progress_bar import ProgressBar
-from sgbd.prediction import find_frames, segment_ahead, write_segmentation
+from sgbd.prediction import find_frames, label_images_in_the_way, segment_ahead, write_segmentation
 from sgbd.segmenter import Segmenter
 from sgbd.sources.camera import intrinsics_from
 
@@ -36,6 +36,12 @@ def main(config: DictConfig) -> None:
         config.rgb, config.depth, intrinsics_from(config.intrinsics), config.depth_scale, config.time_tolerance
     )
     folder = output_folder() if config.output is None else Path(config.output).expanduser()
+    in_the_way = label_images_in_the_way(frames, folder)
+    if in_the_way:
+        raise ConfigurationError(
+            f"{len(in_the_way)} label images of the frames themselves would be replaced, such as {in_the_way[0]}. Give "
+            "another folder for the results: output=<folder>"
+        )
     failed = 0
     results = ProgressBar(segment_ahead(frames, segmenter), "segmenting", len(frames), unit="frame")
     for name, result in zip(frames.names, results, strict=True):

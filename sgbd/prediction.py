@@ -265,6 +265,25 @@ def objects_as_json(segmentation: Segmentation) -> list[dict[str, Any]]:
     ]
 
 
+def label_images_in_the_way(frames: FrameSource, folder: Path) -> list[Path]:
+    """Return the label images that belong to the frames, perhaps as ground truth, and that writing would replace.
+
+    Those of an earlier prediction, which have a JSON file beside them, are not among them.
+
+    Args:
+        frames: The frames.
+        folder: Output folder of `write_segmentation`.
+    """
+    place = folder.resolve()
+    return [
+        labels
+        for index, name in enumerate(frames.names)
+        if (labels := folder / f"{_file_stem(name)}_labels.png").is_file()
+        and not (folder / f"{_file_stem(name)}.json").is_file()
+        and any(path.parent.resolve() == place for path in frames.files(index))
+    ]
+
+
 def write_segmentation(frame: Frame, segmentation: Segmentation, folder: Path, draw: bool = True) -> None:
     """Write `NAME_labels.png` (uint16 ids, 0 = not an object), `NAME_overlay.png` and `NAME.json`.
 
@@ -274,7 +293,7 @@ def write_segmentation(frame: Frame, segmentation: Segmentation, folder: Path, d
         folder: Output folder; created if needed.
         draw: Whether to write the overlay, which takes as long as the segmentation.
     """
-    stem = frame.name.replace("/", "_")
+    stem = _file_stem(frame.name)
     labels = segmentation.instances.astype(np.uint16)
     write_whole(folder / f"{stem}_labels.png", iio.imwrite("<bytes>", labels, extension=".png"))
     if draw:
@@ -289,3 +308,7 @@ def write_segmentation(frame: Frame, segmentation: Segmentation, folder: Path, d
         "objects": objects_as_json(segmentation),
     }
     write_whole(folder / f"{stem}.json", json.dumps(description, indent=1).encode())
+
+
+def _file_stem(name: str) -> str:
+    return name.replace("/", "_")

@@ -346,6 +346,16 @@ def test_a_disk_that_is_full_in_prediction_leaves_whole_files(
     assert written == ["scene5.json", "scene5_labels.png", "scene5_overlay.png", "scene6_labels.png"]
 
 
+def test_prediction_does_not_replace_ground_truth(
+    command: Command, frames: Path, trained: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = frames / "test"
+    before = (folder / "scene5_labels.png").read_bytes()
+    assert command("predict", f"rgb={folder}", f"checkpoint={trained}", f"output={folder}") == 1
+    assert "2 label images of the frames themselves would be replaced, such as" in capsys.readouterr().err
+    assert (folder / "scene5_labels.png").read_bytes() == before
+
+
 def test_prediction_needs_no_trained_model(command: Command, tmp_path: Path) -> None:
     frame = desk()
     write(frame, "desk", tmp_path / "frames")

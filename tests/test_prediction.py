@@ -8,7 +8,14 @@ import pytest
 
 from sgbd.frame import Frame, FrameError
 from sgbd.machine import one_ahead
-from sgbd.prediction import RecordedFrames, find_frames, objects_as_json, segment_ahead, write_segmentation
+from sgbd.prediction import (
+    RecordedFrames,
+    find_frames,
+    label_images_in_the_way,
+    objects_as_json,
+    segment_ahead,
+    write_segmentation,
+)
 from sgbd.segmentation import Segmentation
 from sgbd.segmenter import Segmenter
 from sgbd.sources import ColorDepthRecording, DatasetNotFoundError, FrameReadError, TumRecording
@@ -100,6 +107,19 @@ def test_three_files_are_written(tmp_path: Path) -> None:
     description = json.loads((tmp_path / "out/set_one.json").read_text())
     assert (description["name"], description["width"], description["height"]) == ("set/one", 8, 6)
     assert description["objects"] == objects_as_json(_segmentation())
+
+
+def test_label_images_beside_the_frames_are_told_unless_they_were_predicted(tmp_path: Path) -> None:
+    for name in ("a", "b", "c"):
+        _write(scene(0), tmp_path / f"{name}_rgb.png", tmp_path / f"{name}_depth.png")
+    frames = RecordedFrames(tmp_path)
+    write_segmentation(Frame(scene(0).rgb, scene(0).depth, name="b"), _segmentation(), tmp_path, draw=False)
+    assert label_images_in_the_way(frames, tmp_path) == []
+    for folder in (tmp_path, tmp_path / "out"):
+        folder.mkdir(exist_ok=True)
+        (folder / "a_labels.png").write_bytes(b"")
+    assert label_images_in_the_way(frames, tmp_path / "out" / "..") == [tmp_path / "out" / ".." / "a_labels.png"]
+    assert label_images_in_the_way(frames, tmp_path / "out") == []
 
 
 def test_overlays_can_be_left_out(tmp_path: Path) -> None:
