@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from numbers import Real
 from pathlib import Path
 
 import numpy as np
@@ -32,10 +33,14 @@ def checked_depth_scale(depth_scale: float) -> float:
     """Return the depth scale (metres per unit) if it is valid.
 
     Raises:
-        ValueError: If it is not positive.
+        ValueError: If it is not a positive number.
     """
-    if not depth_scale > 0:
-        raise ValueError(f"depth_scale must be positive, in metres a unit; got {depth_scale}")
+    # A fraction on the command line is text.
+    if not isinstance(depth_scale, Real) or not depth_scale > 0:
+        raise ValueError(
+            "depth_scale must be positive, a number of metres a unit such as 0.0002 for 5000 units a metre; got "
+            f"{depth_scale}"
+        )
     return depth_scale
 
 

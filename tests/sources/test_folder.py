@@ -212,6 +212,10 @@ def test_labels_of_another_size_are_refused(tmp_path: Path) -> None:
         ({"split": "all"}, "train, val, test"),
         ({"labels": "mosd"}, "'auto' or a LabelRule"),
         ({"depth_scale": 0}, "depth_scale must be positive"),
+        (
+            {"depth_scale": "1/5000"},
+            "depth_scale must be positive, a number .* 0.0002 for 5000 units a metre; got 1/5000",
+        ),
         ({"intrinsics": {"f": 1}}, "fx, fy, cx, cy"),
     ],
 )
