@@ -194,7 +194,7 @@ class Tuning:
         search.score(_combinations(values))
         for _ in range(self.rounds):
             best = search.best(1)[0]
-            values = {name: _around(best[name], tried[name]) for name in names}
+            values = {name: _around(best[name], tried[name], whole=name == "min_area") for name in names}
             for name in names:
                 tried[name] |= {*values[name]}
             search.score(_combinations(values))
@@ -322,8 +322,14 @@ def _combinations(values: Mapping[str, Sequence[Any]]) -> list[Setting]:
     return [dict(zip(values, combination, strict=True)) for combination in itertools.product(*values.values())]
 
 
-def _around(best: Any, tried: Iterable[Any]) -> list[Any]:
-    """Return the best value of a parameter and, if numeric, the midpoints to its neighbours among those tried."""
+def _around(best: Any, tried: Iterable[Any], whole: bool) -> list[Any]:
+    """Return the best value of a parameter and, if numeric, the midpoints to its neighbours among those tried.
+
+    Args:
+        best: The best value.
+        tried: All values tried.
+        whole: Whether the parameter must be a whole number. Others may be given as one too, such as a weight of 1.
+    """
     if isinstance(best, str):
         return [best]
     below = [value for value in tried if value < best]
@@ -333,6 +339,4 @@ def _around(best: Any, tried: Iterable[Any]) -> list[Any]:
         for neighbor in (max(below, default=None), min(above, default=None))
         if neighbor is not None
     ]
-    if isinstance(best, int):
-        between = [round(value) for value in between]
-    return list(dict.fromkeys([best, *(value if isinstance(best, int) else round(value, 6) for value in between)]))
+    return list(dict.fromkeys([best, *(round(value) if whole else round(value, 6) for value in between)]))

@@ -144,6 +144,13 @@ def test_the_search_is_the_same_every_time_and_names_every_setting_once(graphs: 
     assert GreedyMulticut(**{k: v for k, v in first.partition.items() if k != "_target_"})
 
 
+def test_whole_numbers_among_the_values_are_refined_too(graphs: SuperpixelGraphDataset) -> None:
+    values = {**SMALL, "threshold": [0.5], "objectness_weight": [0, 1]}
+    table = Tuning(**values, rounds=1)(graphs, Even(), TooStrict(), COMPONENTS, RULE).table
+    assert sorted(set(table["objectness_weight"])) == [0, 0.5, 1]
+    assert all(area == int(area) for area in table["min_area"])
+
+
 def test_what_cannot_be_tuned_is_refused(graphs: SuperpixelGraphDataset) -> None:
     with pytest.raises(ValueError, match=r"no validation graphs.*tuning=none"):
         Tuning()([], TooMerging(), None, COMPONENTS, RULE)
