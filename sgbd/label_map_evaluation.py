@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -87,6 +87,9 @@ class ScoreFrame:
             frame = self.source[index]
             if frame.instances is None:
                 return FrameError("it has no ground truth")
+            if frame.name != self.source.names[index]:
+                # As in prepared graphs, the source names its frames: one of a user need not write the name into them.
+                frame = replace(frame, name=self.source.names[index])
             prediction = self.method(frame)
         except FrameError as error:
             return FrameError(str(error))

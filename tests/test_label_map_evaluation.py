@@ -70,6 +70,22 @@ def test_it_is_the_metric_of_trained_models(tmp_path: Path) -> None:
     assert of_maps.frames["overlap_f_measure"].tolist() == of_graphs.frames["overlap_f_measure"].tolist()
 
 
+def test_frames_go_by_their_names_in_the_dataset(tmp_path: Path) -> None:
+    class Unnamed(Scenes):
+        """A user's dataset that does not write names into its frames."""
+
+        def read(self, index: int) -> Frame:
+            return replace(super().read(index), name="")
+
+    for frame in Scenes("test"):
+        assert frame.instances is not None
+        iio.imwrite(tmp_path / f"{frame.name}.png", np.where(frame.instances >= 2, frame.instances, 0).astype(np.uint8))
+    found = evaluate_label_maps(Unnamed("test"), LabelImages(tmp_path))
+    assert found.evaluation.frames.index.tolist() == ["scene8", "scene9", "scene10"]
+    assert found.evaluation.frames["unaided_overlap_f_measure"].tolist() == [1, 1, 1]
+    assert [frame.name for frame in found.failures] == ["scene8", "scene9", "scene10"]
+
+
 def test_what_a_method_takes_for_no_object_is_none_even_with_help_from_the_truth() -> None:
     frame = scene(8)
     found = score_label_map(np.zeros_like(frame.instances), frame, decides_objects=True)
