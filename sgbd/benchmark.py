@@ -9,7 +9,7 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from sgbd.benchmarking.checkpoints import configured_checkpoint
+from sgbd.benchmarking.checkpoints import configured_checkpoint, number_of_superpixels
 from sgbd.benchmarking.curves import draw_curves
 from sgbd.benchmarking.environment import environment, limited_to
 from sgbd.benchmarking.extent import configured_extent
@@ -58,10 +58,7 @@ def run_benchmark(config: DictConfig) -> Report:
 
 def _numbers(config: DictConfig) -> list[int]:
     if config.n is None:
-        configured = configured_checkpoint(config).recipe["superpixels"].get("n_segments")
-        if configured is None:
-            raise ConfigurationError("the superpixels have no n_segments: give n, which the reference needs too")
-        return [int(configured)]
+        return [number_of_superpixels(configured_checkpoint(config))]
     numbers = [config.n] if isinstance(config.n, int) else list(config.n)
     if not numbers or any(not isinstance(n, int) or n < 1 for n in numbers):
         raise ConfigurationError(f"n must be a number from 1, or a list such as [128,256,512]; got {config.n}")

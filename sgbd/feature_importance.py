@@ -182,7 +182,8 @@ def main(config: DictConfig) -> None:
     features, block = config.features, configured_block(config)
     cache = prepare_splits(config, ("train", config.held_out), block)
     graphs = [
-        with_truth(open_graphs(cache, split, features, block, in_memory=True)) for split in ("train", config.held_out)
+        with_truth(open_graphs(cache, split, features, block, in_memory=True), config.on_error)
+        for split in ("train", config.held_out)
     ]
     stored, others = split_groups(features.node)
     node_names = [NODE_NAMES[column] for column in node_columns(stored)]
@@ -205,12 +206,16 @@ def main(config: DictConfig) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(folder / "feature_importance.csv", summary.to_csv().encode())
     write_figure(importance_figure(summary), folder / "feature_importance.png")
-    table = summary.map("{:.3f}".format).to_markdown(disable_numparse=True)
-    deviation = f" ± {100 * np.std(accuracies, ddof=1):.1f}" if len(accuracies) > 1 else ""
+    # A single forest has no deviations.
+    table = summary.dropna(axis="columns", how="all").map("{:.3f}".format).to_markdown(disable_numparse=True)
+    several = len(accuracies) > 1
+    deviation = f" ± {100 * np.std(accuracies, ddof=1):.1f}" if several else ""
+    trees = f"{config.trees} trees"
+    forests = f"{config.runs} forests of {trees}, each on" if several else f"A forest of {trees} on"
     summary_text = (
-        f"{config.runs} forests of {config.trees} trees, each on {config.pairs} pairs of other superpixels of the "
-        f"training frames; balanced accuracy on {config.pairs} pairs of {config.held_out} frames "
-        f"{100 * np.mean(accuracies):.1f}{deviation} %. Mean and sample standard deviation over the forests."
+        f"{forests} {config.pairs} pairs of other superpixels of the training frames; balanced accuracy on "
+        f"{config.pairs} pairs of {config.held_out} frames {100 * np.mean(accuracies):.1f}{deviation} %."
+        + (" Mean and sample standard deviation over the forests." if several else "")
     )
     write_whole(folder / "feature_importance.md", f"{summary_text}\n\n{table}\n".encode())
     print(f"\n{summary_text}\n\n{table}\n\nTable and figure: {folder}")

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -8,6 +10,7 @@ import torch
 from sgbd.feature_importance import PairTable, forest_importance, importance_figure, pair_table, summarize
 from sgbd.jobs.configuration import ConfigurationError
 from tests.graph_samples import grid_graph, path_graph
+from tests.test_commands import Command, command, frames  # noqa: F401
 
 pytest.importorskip("sklearn", reason="the extra sgbd[analysis] is not installed")
 
@@ -81,3 +84,24 @@ def test_runs_are_averaged_and_drawn() -> None:
     figure = importance_figure(summary)
     assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == ["b", "a"]
     assert [bar.get_width() for bar in figure.axes[1].patches] == pytest.approx([0.2, 0.0])
+
+
+def test_the_command_with_a_single_forest_and_with_frames_without_truth(
+    command: Command,  # noqa: F811
+    frames: Path,  # noqa: F811
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    here = (
+        "dataset=folder", f"dataset.root={frames}", "superpixels.n_segments=12", "features=paper", "workers=0",
+        "pairs=16", "runs=1", "trees=5", "hydra.run.dir=out",
+    )  # fmt: skip
+    assert command("feature_importance", *here) == 0
+    text = (tmp_path / "out" / "feature_importance.md").read_text()
+    assert text.startswith("A forest of 5 trees on 16 pairs of other superpixels of the training frames;")
+    assert "deviation" not in text
+    assert "nan" not in text
+    assert text.splitlines()[2].split() == ["|", "feature", "|", "impurity", "|", "permutation", "|"]
+    (frames / "test" / "scene6_labels.png").unlink()
+    assert command("feature_importance", *here, "on_error=fail") == 1
+    assert "1 of 2 frames of test have no ground truth: scene6" in capsys.readouterr().err

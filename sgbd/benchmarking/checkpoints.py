@@ -33,11 +33,24 @@ def configured_checkpoint(config: DictConfig, n: int | None = None) -> Checkpoin
             torch.manual_seed(config.seed)
             checkpoint = untrained_checkpoint(config)
     if n is not None:
-        superpixels = checkpoint.recipe["superpixels"]
-        if "n_segments" not in superpixels:
-            raise ConfigurationError(f"n cannot be set: {superpixels['_target_']} has no n_segments. Leave n at null.")
-        checkpoint.recipe["superpixels"] = {**superpixels, "n_segments": n}
+        number_of_superpixels(checkpoint)
+        checkpoint.recipe["superpixels"] = {**checkpoint.recipe["superpixels"], "n_segments": n}
     return checkpoint
+
+
+def number_of_superpixels(checkpoint: Checkpoint) -> int:
+    """Return the number of superpixels that a checkpoint requests.
+
+    Raises:
+        ConfigurationError: If its superpixels have no option `n_segments`.
+    """
+    superpixels = checkpoint.recipe["superpixels"]
+    if "n_segments" not in superpixels:
+        raise ConfigurationError(
+            f"{superpixels['_target_']} has no n_segments, by which the benchmark asks for n superpixels; give the "
+            "class this argument"
+        )
+    return int(superpixels["n_segments"])
 
 
 def configured_segmenter(config: DictConfig, n: int | None = None) -> Segmenter:

@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from sgbd.benchmark import run_benchmark
 from sgbd.benchmarking.checkpoints import configured_checkpoint
 from sgbd.benchmarking.frames import made_up_scene
 from sgbd.benchmarking.methods import make_method, with_option
@@ -70,3 +71,6 @@ def test_superpixels_without_a_number():
         config.superpixels = {"_target_": "tests.boxes.Grid", "size": 8}
         with pytest.raises(ConfigurationError, match=r"tests\.boxes\.Grid has no n_segments"):
             configured_checkpoint(config, 16)
+        # The same without n: asking for it would lead back here.
+        with pytest.raises(ConfigurationError, match=r"tests\.boxes\.Grid has no n_segments"):
+            run_benchmark(config)
