@@ -66,7 +66,7 @@ def read_camera_file(path: str | Path) -> CameraFile:
     """
     path = Path(path)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8-sig"))  # editors on Windows write a byte order mark
     except FileNotFoundError:
         raise FrameReadError(path, "the file does not exist") from None
     except (OSError, ValueError) as error:

@@ -538,7 +538,7 @@ def _read_list(path: Path) -> list[tuple[int, str]]:
                 raise FrameReadError(path, f"expected an array of paths (text); got {array.dtype}")
             entries: list[str] = np.char.asarray(array.ravel()).astype(str).tolist()
         else:
-            entries = path.read_text(encoding="utf-8").splitlines()
+            entries = path.read_text(encoding="utf-8-sig").splitlines()  # Windows writes a byte order mark
     except (OSError, ValueError) as error:
         if isinstance(error, FrameReadError):
             raise

@@ -172,7 +172,7 @@ or associations.txt with timestamp filename timestamp filename instead of the tw
 def _rows(path: Path, columns: int, form: str) -> list[list[str]]:
     """Return the fields of each line that is neither empty nor a comment; the last field may contain spaces."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # editors on Windows write a byte order mark
     except (OSError, UnicodeDecodeError) as error:
         raise FrameReadError(path, f"the list cannot be read: {error}") from error
     rows = []

@@ -138,10 +138,11 @@ def test_what_cannot_be_paired_is_named(tmp_path: Path) -> None:
         (LIBREALSENSE | {"depth_scale": 0.00025}, "librealsense", 0.00025, False),
         ({"color": LIBREALSENSE | {"coeffs": [0.1, 0, 0, 0, 0]}, "depth_scale": 1000}, "librealsense", 0.001, True),
         ({"fx": 600, "fy": 601, "cx": 3.5, "cy": 2.5}, "librealsense", None, False),
+        ("\ufeff" + json.dumps(LIBREALSENSE), "librealsense", None, False),  # as editors on Windows write it
     ],
 )
 def test_cameras_as_programs_write_them(
-    tmp_path: Path, content: dict, form: str, scale: float | None, distorted: bool
+    tmp_path: Path, content: Any, form: str, scale: float | None, distorted: bool
 ) -> None:
     camera = read_camera_file(camera_of(tmp_path, content))
     assert (camera.intrinsics, camera.form, camera.distorted) == (CAMERA, form, distorted)

@@ -183,7 +183,7 @@ def test_a_bad_description_is_named(root: Path, text: str, message: str) -> None
 
 
 def test_text_lists_are_the_splits(root: Path) -> None:
-    (root / "train.txt").write_text("# a comment\n\ntraining_set/scene_00007/rgb_00003.jpeg\n")
+    (root / "train.txt").write_text("\ufeff# a comment\n\ntraining_set/scene_00007/rgb_00003.jpeg\n")
     (root / "val.txt").write_text(
         "training_set/scene_00000/rgb_00003.jpeg\r\ntraining_set/scene_00000/rgb_00001.jpeg\r\n"
     )

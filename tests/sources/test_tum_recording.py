@@ -91,6 +91,13 @@ def test_a_missing_image_is_the_error_of_its_frame(tmp_path: Path) -> None:
     assert frames[1].depth[0, 0] == pytest.approx(1.1)
 
 
+def test_lists_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
+    root = write_recording(tmp_path, [0.0], [0.0])
+    text = (root / "rgb.txt").read_text()
+    (root / "rgb.txt").write_text(text, encoding="utf-8-sig")
+    assert TumRecording(root)[0].depth[0, 0] == pytest.approx(1.0)
+
+
 def test_what_is_wrong_in_a_list_is_named(tmp_path: Path) -> None:
     root = write_recording(tmp_path, [0.0], [0.0])
     assert TumRecording.recognizes(root)
