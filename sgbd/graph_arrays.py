@@ -113,9 +113,14 @@ def overlap_table(
     Returns:
         Superpixel, instance and number of shared pixels, int64 [M] each, sorted by superpixel, then by instance.
     """
-    from sgbd.metrics import ContingencyTable  # imported on use: segmenting imports this module, but not the metrics
-
-    # Its size does not depend on how large the ids are, which may be 1000 times a category plus a number.
-    table = ContingencyTable.from_label_maps(label_map, instances)
-    row, column = np.nonzero(table.counts)
-    return table.segments[row], table.instances[column], table.counts[row, column]
+    # Runs of pixels are sorted, not entered in a table as wide as the largest id, which may be 1000 times a category
+    # plus a number. Ids are counted from IGNORE, so that none is negative.
+    width = int(instances.max(initial=IGNORE)) - IGNORE + 1
+    keys = (label_map.astype(np.int64) * width + instances - IGNORE).ravel()
+    starts = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]]))
+    present, run = np.unique(keys[starts], return_inverse=True)
+    counts = np.bincount(run, np.diff(starts, append=keys.size)).astype(np.int64)
+    superpixel, instance = np.divmod(present, width)
+    instance += IGNORE
+    known = instance != IGNORE
+    return superpixel[known], instance[known], counts[known]
