@@ -10,6 +10,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from sgbd.checkpoint import Checkpoint
 from sgbd.features import EDGE_GROUPS, NODE_GROUPS, edge_columns, node_columns
+from sgbd.jobs.configuration import ConfigurationError
 from sgbd.node_block import NodeBlock, required_block, split_groups
 from sgbd.own_columns import own_columns
 from sgbd.recipe import describe
@@ -28,6 +29,7 @@ def untrained_checkpoint(config: DictConfig) -> Checkpoint:
         The untrained networks; the recipe contains everything that a `sgbd.segmenter.Segmenter` needs.
 
     Raises:
+        ConfigurationError: If a first stage was trained on other superpixels.
         ValueError: If a feature group is unknown; the message lists the choices.
         sgbd.node_block.MissingWeightsError: If the features need a node block whose weights are missing.
     """
@@ -59,7 +61,21 @@ def untrained_checkpoint(config: DictConfig) -> Checkpoint:
         "objects": _plain(config.objects),
     }
     head = instantiate(config.objectness, **node_channels) if has_head else None
-    return Checkpoint(model, head, recipe, getattr(graph, "checkpoint", None))
+    first_stage: Checkpoint | None = getattr(graph, "checkpoint", None)
+    if first_stage is not None:
+        _check_superpixels(recipe["superpixels"], first_stage.recipe["superpixels"])
+    return Checkpoint(model, head, recipe, first_stage)
+
+
+def _check_superpixels(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> None:
+    """Reject superpixels on which the first stage was not trained; the number of threads does not affect them."""
+    different = [key for key in sorted({*ours, *theirs} - {"threads"}) if ours.get(key) != theirs.get(key)]
+    if different:
+        changes = "; ".join(f"{key} was {theirs.get(key)}, now {ours.get(key)}" for key in different)
+        raise ConfigurationError(
+            f"the first stage was trained on other superpixels: {changes}. Choose the same ones for the second stage "
+            "(superpixels=...)."
+        )
 
 
 def configured_block(config: DictConfig) -> NodeBlock | None:

@@ -1,10 +1,12 @@
+from pathlib import Path
+
 import pytest
 import torch
 from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig
 
 from sgbd.features import EDGE_GROUPS, NODE_GROUPS
-from sgbd.jobs.configuration import config_folder
+from sgbd.jobs.configuration import ConfigurationError, config_folder
 from sgbd.jobs.untrained import trusted_packages, untrained_checkpoint
 from sgbd.segmenter import Segmenter
 from tests.scenes import scene
@@ -31,6 +33,14 @@ def test_the_global_generator_decides_on_the_weights() -> None:
         weights.append(torch.cat([value.flatten() for value in untrained_checkpoint(composed()).model.parameters()]))
     assert torch.equal(weights[0], weights[1])
     assert not torch.equal(weights[0], weights[2])
+
+
+def test_both_stages_need_the_same_superpixels(tmp_path: Path) -> None:
+    first = untrained_checkpoint(composed("superpixels.n_segments=16", "superpixels.threads=1"))
+    second = ("graph=agglomerated", f"graph.first_stage={first.save(tmp_path / 'first.safetensors')}")
+    assert untrained_checkpoint(composed(*second, "superpixels.n_segments=16")).first_stage is not None
+    with pytest.raises(ConfigurationError, match=r"first stage.* other superpixels: n_segments was 16, now 32\."):
+        untrained_checkpoint(composed(*second, "superpixels.n_segments=32"))
 
 
 def test_without_a_head() -> None:
