@@ -27,6 +27,9 @@ from sgbd.sources.source import FrameSource
 VERSIONED_PACKAGES = ("pillow", "scikit-image")
 """Packages whose results change between minor versions: Pillow decodes JPEG files, scikit-image provides SLIC."""
 
+IMPORTED_LATE = ("sgbd.metrics.contingency",)
+"""Modules that graphs depend on and that are imported on use, so that `code_digest` does not find them by itself."""
+
 Recipe = dict[str, Any]
 
 
@@ -53,6 +56,9 @@ def graph_recipe(source: FrameSource, superpixels: object, graph: object) -> Rec
     root = getattr(source, "root", None)
     components = {"superpixels": describe(superpixels, "superpixels"), "graph": describe(graph, "graph")}
     options = _plain(source.options(), "the dataset's options")
+    # The graphs of a second stage depend on the code of the first stage's networks.
+    first_stage = getattr(getattr(graph, "checkpoint", None), "recipe", {})
+    modules = [type(source).__module__, *IMPORTED_LATE, *_modules([components, options, first_stage])]
     return {
         "format_version": FORMAT_VERSION,
         "dataset": {
@@ -66,7 +72,7 @@ def graph_recipe(source: FrameSource, superpixels: object, graph: object) -> Rec
         "node_groups": {group: list(names) for group, names in NODE_GROUPS.items()},
         "edge_groups": {group: list(names) for group, names in EDGE_GROUPS.items()},
         **own_columns(graph),
-        "code": code_digest([type(source).__module__, *_modules([components, options])]),
+        "code": code_digest(modules),
         "versions": {package: _minor_version(package) for package in VERSIONED_PACKAGES},
         # Without Numba, scikit-image's SLIC replaces the compiled one.
         "compiled": HAS_NUMBA,

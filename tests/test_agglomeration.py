@@ -30,11 +30,12 @@ from sgbd.graph import GraphBuilder, build_graph
 from sgbd.label_map import unpack
 from sgbd.models import ObjectnessHead, SharedMLP
 from sgbd.preparation import prepare
-from sgbd.recipe import describe
+from sgbd.recipe import describe, graph_recipe
 from sgbd.regions import region_and_border_sums
 from sgbd.segmentation import Classification, classify, paint, partition_graph
 from sgbd.superpixels import Slic
 from tests.scenes import Scenes, scene
+from tests.test_recipe import change_code
 
 FEATURES = {"node": ["rgb", "depth"], "edge": ["convexity"]}
 SUPERPIXELS = Slic(40, min_size=4)
@@ -83,6 +84,14 @@ def test_the_nodes_are_the_segments_of_the_first_stage(first: Checkpoint, graph:
     assert data.x[:, len(NODE_NAMES)].numpy() == pytest.approx(segments.objectness, abs=1e-6)
     assert data.area.tolist() == segments.area.tolist()
     assert data.node_instance.tolist() == plain.node_instance.tolist()
+
+
+def test_the_recipe_follows_the_code_of_the_first_stages_networks(
+    graph: AgglomeratedGraph, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = graph_recipe(Scenes(), SUPERPIXELS, graph)["code"]
+    change_code("sgbd.models.mlp", monkeypatch)
+    assert graph_recipe(Scenes(), SUPERPIXELS, graph)["code"] != before
 
 
 def test_pairs_that_touch_keep_their_features_and_others_within_reach_join_them(
