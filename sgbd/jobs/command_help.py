@@ -72,14 +72,16 @@ def command_help(config: DictConfig) -> str:
     for choice, chosen in _choices(hydra.runtime.choices, values, folders).items():
         group, _, package = choice.partition("@")
         said = explained.get(choice, "" if len(chosen) < 2 else f"as many as there shall be: {choice}=[one,other]")
+        prefix = "" if group == "experiment" else f"{package or group}."
+        purposes: dict[str, str] = {}
         for option in chosen:
-            purpose_of_option, known = explained_option(folders, group, option)
-            prefix = "" if group == "experiment" else f"{package or group}."
+            purposes[f"{prefix}{option}"], known = explained_option(folders, group, option)
             explained |= {f"{prefix}{key}": words for key, words in known.items()}
-            if len(chosen) == 1:
-                said = purpose_of_option
-            else:
-                explained[f"{prefix}{option}"] = purpose_of_option
+        if len(chosen) == 1:
+            (said,) = purposes.values()
+        else:
+            # Afterwards, because the file of one option may explain another's key.
+            explained |= purposes
         groups[choice] = (chosen, said)
     own = {key: value for key, value in values.items() if key not in groups}
     page = textwrap.wrap(purpose[:1].upper() + purpose[1:], WIDTH)

@@ -85,6 +85,12 @@ def test_another_option_shows_its_keys_and_the_others() -> None:
     assert "train_frames" not in text
 
 
+@pytest.mark.parametrize("loggers", ["[csv,tensorboard]", "[csv]"])
+def test_each_of_several_options_is_explained_by_its_purpose(loggers: str) -> None:
+    text = re.sub(r"\s+", " ", "\n".join(page("train", f"logger={loggers}")))
+    assert " Losses and scores as CSV files, csv/version_<n>/metrics.csv;" in text
+
+
 def test_experiments_are_listed_with_the_command_that_runs_them() -> None:
     listed = "\n".join(page("compare")).partition("Prepared experiments")[2].replace("\n", " ").split("   ")[1]
     assert listed.split(",")[0].strip() == "comparison"
