@@ -12,6 +12,7 @@ from hydra.utils import instantiate
 from lightning_fabric import seed_everything
 from omegaconf import DictConfig
 
+from sgbd import __version__
 from sgbd.batches import FIELDS
 from sgbd.checkpoint import Checkpoint
 from sgbd.data import SuperpixelGraphDataset
@@ -170,7 +171,7 @@ def _train(
             **initial.recipe,
             "dataset": graphs["train"].recipe["dataset"],
             "seed": config.seed,
-            "versions": {package: version(package) for package in ("sgbd", "torch", "torch-geometric")},
+            "versions": {"sgbd": __version__, **{name: version(name) for name in ("torch", "torch-geometric")}},
         },
         objectness=initial.objectness,
         first_stage=initial.first_stage,

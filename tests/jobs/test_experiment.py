@@ -1,4 +1,5 @@
 import json
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig
 
-from sgbd import Segmenter
+from sgbd import Segmenter, __version__
 from sgbd.adjacency import LabelMap, Pairs, border_pairs
 from sgbd.checkpoint import CheckpointError
 from sgbd.jobs.configuration import ConfigurationError, config_folder
@@ -59,6 +60,19 @@ def test_what_an_experiment_leaves(tmp_path: Path) -> None:
     assert segmenter.recipe["seed"] == 0
     assert segmenter.recipe["dataset"]["name"] == "scenes"
     assert np.isfinite(segmenter.segment_frame(scene(0)).edge_probability).all()
+
+
+def test_a_folder_that_was_not_installed_trains(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def of_installed(package: str) -> str:
+        if package == "sgbd":
+            raise PackageNotFoundError(package)
+        return version(package)
+
+    monkeypatch.setattr("sgbd.jobs.experiment.version", of_installed)
+    folder = tmp_path / "out"
+    result = run_experiment(small(tmp_path), folder)
+    versions = Segmenter.load(folder / result["checkpoint"]).recipe["versions"]
+    assert versions == {"sgbd": __version__, "torch": version("torch"), "torch-geometric": version("torch-geometric")}
 
 
 def test_tuned_thresholds_are_in_the_checkpoint(tmp_path: Path) -> None:
