@@ -9,7 +9,8 @@ import torch
 from torch import Generator, Tensor
 from torch_geometric.data import Data
 
-from sgbd.features import EDGE_NAMES, NODE_NAMES, edge_columns, node_columns
+from sgbd.features import EDGE_NAMES, NODE_GROUPS, NODE_NAMES, edge_columns, node_columns
+from sgbd.node_block import split_groups
 
 COLORS = ("red", "green", "blue")
 SPREADS = ("red_spread", "green_spread", "blue_spread")
@@ -52,7 +53,14 @@ class GraphAugmentation:
                 f"mirror={mirror}, gray={gray}, gain={gain}, brightness={brightness}, noise={noise}"
             )
         self.mirror, self.gain, self.brightness, self.gray, self.noise = mirror, gain, brightness, gray, noise
-        nodes = [NODE_NAMES[column] for column in node_columns(node_features)]
+        stored, others = split_groups(node_features)
+        if others:
+            raise ValueError(
+                f"augmentation: unknown node feature group {', '.join(others)}; choose from {', '.join(NODE_GROUPS)}. "
+                "The columns of a node block only get noise, so leave its group out: "
+                f"trainer.augmentation.node_features=[{','.join(stored or [])}]"
+            )
+        nodes = [NODE_NAMES[column] for column in node_columns(stored)]
         edges = [EDGE_NAMES[column] for column in edge_columns(edge_features)]
         self._node = {name: column for column, name in enumerate(nodes)}
         self._edge = {name: column for column, name in enumerate(edges)}
@@ -76,7 +84,7 @@ class GraphAugmentation:
 
         Raises:
             ValueError: If the batch has fewer columns than the groups. Additional columns are those of the graph
-                builder; they only get noise.
+                builder and of a node block; they only get noise.
         """
         for field, names in (("x", self._node), ("edge_attr", self._edge)):
             if batch[field].size(1) < len(names):

@@ -189,6 +189,9 @@ def test_too_few_columns_for_the_groups_are_refused() -> None:
         GraphAugmentation()(data, generator())
     with pytest.raises(ValueError, match="unknown node feature group colour"):
         GraphAugmentation(["colour"])
+    # All groups of a model with a node block; those that the message names do.
+    with pytest.raises(ValueError, match=r"group dino; .*leave its group out: .*node_features=\[rgb,depth\]"):
+        GraphAugmentation(["rgb", "depth", "dino"])
 
 
 def test_a_builders_own_columns_get_noise_only() -> None:
