@@ -79,9 +79,10 @@ class SweepTable(Callback):
         self.seed = seed
         self.immaterial = tuple(immaterial)
         self.sweep: str | None = None
+        self.folder: Path | None = None
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
-        """Identify the sweep."""
+        """Identify the sweep, and move the table of another sweep aside."""
         settings = config.hydra
         values = OmegaConf.to_container(config, resolve=False, enum_to_str=True)
         assert isinstance(values, dict)
@@ -93,19 +94,17 @@ class SweepTable(Callback):
             override for override in settings.overrides.task if self._is_material(*_split_override(override), config)
         ]
         self.sweep = digest([__version__, values, swept, material])[:12]
+        self.folder = Path(settings.sweep.dir)
+        self._claim(self.folder)
 
     def on_job_start(self, config: DictConfig, *, task_function: TaskFunction, **kwargs: Any) -> None:
-        """Record that a job of the sweep has started, and move the table of another sweep in its folder aside."""
+        """Record that a job of the sweep has started."""
         if self.sweep is None:
             return
-        # Of the job: in a sweep over experiments, each has the folder of its own name.
         folder = Path(config.hydra.sweep.dir)
-        folder.mkdir(parents=True, exist_ok=True)
-        with one_process_at_a_time(folder / LOCK_FILE, log, f"writes the table of {folder}"):
-            known = read_json(folder / RECORDS_FOLDER / "sweep.json")
-            if known is not None and known["sweep"] != self.sweep:
-                move_aside(folder, only=("table.csv", "table.md", "table.png", RECORDS_FOLDER))
-            write_json(folder / RECORDS_FOLDER / "sweep.json", {"sweep": self.sweep})
+        if folder != self.folder:
+            # In a sweep over experiments, each has the folder of its own name.
+            self._claim(folder)
         self._record(config, "unfinished")
 
     def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:
@@ -131,11 +130,19 @@ class SweepTable(Callback):
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
         """Log the path of the table."""
         folder = Path(config.hydra.sweep.dir)
-        known = read_json(folder / RECORDS_FOLDER / "sweep.json")
-        if known is not None and known["sweep"] == self.sweep:
+        if (folder / "table.md").is_file():
             log.info("Table of the sweep: %s", folder / "table.md")
         else:
             log.info("Tables of the sweep: %s", folder.with_name("<name of the experiment>") / "table.md")
+
+    def _claim(self, folder: Path) -> None:
+        """Move the table of another sweep in a folder aside."""
+        folder.mkdir(parents=True, exist_ok=True)
+        with one_process_at_a_time(folder / LOCK_FILE, log, f"writes the table of {folder}"):
+            known = read_json(folder / RECORDS_FOLDER / "sweep.json")
+            if known is not None and known["sweep"] != self.sweep:
+                move_aside(folder, only=("table.csv", "table.md", "table.png", RECORDS_FOLDER))
+            write_json(folder / RECORDS_FOLDER / "sweep.json", {"sweep": self.sweep})
 
     def _is_material(self, key: str, value: str, config: DictConfig) -> bool:
         return key not in self.immaterial and (key, value) != ("experiment", config.get("name"))
