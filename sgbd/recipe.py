@@ -27,9 +27,6 @@ from sgbd.sources.source import FrameSource
 VERSIONED_PACKAGES = ("pillow", "scikit-image")
 """Packages whose results change between minor versions: Pillow decodes JPEG files, scikit-image provides SLIC."""
 
-IMPORTED_LATE = ("sgbd.metrics.contingency",)
-"""Modules that graphs depend on and that are imported on use, so that `code_digest` does not find them by itself."""
-
 Recipe = dict[str, Any]
 
 
@@ -58,7 +55,7 @@ def graph_recipe(source: FrameSource, superpixels: object, graph: object) -> Rec
     options = _plain(source.options(), "the dataset's options")
     # The graphs of a second stage depend on the code of the first stage's networks.
     first_stage = getattr(getattr(graph, "checkpoint", None), "recipe", {})
-    modules = [type(source).__module__, *IMPORTED_LATE, *_modules([components, options, first_stage])]
+    modules = [type(source).__module__, *_modules([components, options, first_stage])]
     return {
         "format_version": FORMAT_VERSION,
         "dataset": {

@@ -37,14 +37,6 @@ class Forgetful:
         self.length = size
 
 
-def change_code(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a module appear to have different code."""
-    look = sgbd.recipe._digest_and_imports
-    monkeypatch.setattr(
-        sgbd.recipe, "_digest_and_imports", lambda name: ("changed", ()) if name == module else look(name)
-    )
-
-
 def test_objects_are_described_with_their_defaults_and_made_again() -> None:
     component = Component(Camera(), folder=Path("a/b"))
     description = describe(component)
@@ -142,16 +134,6 @@ def test_the_hash_follows_everything_that_matters(tmp_path: Path, monkeypatch: p
             others.append(digest(source))
     assert len({reference, *others}) == 11
     assert digest(source) == reference
-
-
-@pytest.mark.parametrize("module", ["sgbd.regions", "sgbd.metrics.contingency", "sgbd.metrics.label_index"])
-def test_the_digest_follows_all_code_that_graphs_use(
-    module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    write_boxes(tmp_path, 1)
-    before = graph_recipe(Boxes(tmp_path), Grid(), GraphBuilder())["code"]
-    change_code(module, monkeypatch)
-    assert graph_recipe(Boxes(tmp_path), Grid(), GraphBuilder())["code"] != before
 
 
 def test_the_folder_is_called_by_dataset_and_hash() -> None:
