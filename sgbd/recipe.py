@@ -55,7 +55,8 @@ def graph_recipe(source: FrameSource, superpixels: object, graph: object) -> Rec
     options = _plain(source.options(), "the dataset's options")
     # The graphs of a second stage depend on the code of the first stage's networks.
     first_stage = getattr(getattr(graph, "checkpoint", None), "recipe", {})
-    modules = [type(source).__module__, *_modules([components, options, first_stage])]
+    networks = [first_stage.get(section) for section in ("model", "objectness")]
+    modules = [type(source).__module__, *_modules([components, options, networks])]
     return {
         "format_version": FORMAT_VERSION,
         "dataset": {
