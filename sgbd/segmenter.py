@@ -46,7 +46,7 @@ class Segmenter:
         rule: Replaces the recipe's object rule.
         node_block: Replaces the recipe's block of node features, for example if its weights are stored elsewhere on
             this machine. Ignored if the model uses no block.
-        device: Where the networks run.
+        device: Where the networks run; those of a first stage, which are part of the graph, run on the CPU.
         threads: CPU threads for each PyTorch operation of the networks; see `sgbd.machine.torch_threads`. With 1, work
             that can be split runs in parallel threads instead (`sgbd.machine.side_by_side`), as it does for superpixels
             and graphs.

@@ -21,8 +21,7 @@ class EdgeClassifier(nn.Module, ABC):
     The work is divided in two, so that a model implements only what is specific to it:
 
     * `embed` turns the features of the whole graph into node and edge states. Message passing happens here, and it
-    always
-      sees the whole graph, whatever pairs are requested. The default returns the standardised features.
+      always sees the whole graph, whatever pairs are requested. The default returns the standardised features.
     * `score` turns the states at the two ends of a directed pair, and of the edge between them, into a logit.
 
     Merging has no direction, but `score` may have one. In training, a pair is scored in its given direction (the

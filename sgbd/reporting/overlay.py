@@ -8,6 +8,7 @@ from skimage.color import hsv2rgb
 from skimage.segmentation import find_boundaries
 
 from sgbd.frame import SUPPORT
+from sgbd.metrics.label_index import distinct_labels, label_index
 
 GOLDEN_RATIO = 0.618033988749895
 SUPPORT_COLOR = (0.55, 0.55, 0.55)
@@ -23,12 +24,16 @@ def instance_colors(count: int) -> npt.NDArray[np.float64]:
     Returns:
         float64 [count, 3], RGB from 0 to 1.
     """
-    number = np.arange(count)
+    return _colors(np.arange(count))
+
+
+def _colors(number: npt.NDArray[np.integer]) -> npt.NDArray[np.float64]:
+    """Return the colours at the given places, int [K], in the sequence of `instance_colors`, float64 [K, 3]."""
     # Golden-ratio steps around the colour circle spread the hues evenly for any count.
     hue = (0.07 + number * GOLDEN_RATIO) % 1
     saturation = np.array([0.85, 0.6, 0.95])[number % 3]
     value = np.array([0.95, 0.8, 0.65, 0.9])[number % 4]
-    return hsv2rgb(np.stack([hue, saturation, value], axis=1)) if count else np.zeros((0, 3))
+    return hsv2rgb(np.stack([hue, saturation, value], axis=1)) if len(number) else np.zeros((0, 3))
 
 
 def overlay(
@@ -46,18 +51,18 @@ def overlay(
     Returns:
         uint8 [H, W, 3].
     """
-    lowest, highest = int(instances.min(initial=first)), int(instances.max(initial=first))
-    ids = np.arange(lowest, highest + 1)
+    # Only the ids that occur: they may be large.
+    ids = distinct_labels(instances)
     objects = ids >= first
     table = np.zeros((len(ids), 4))
-    table[objects, :3] = instance_colors(highest - first + 1)
+    table[objects, :3] = _colors(ids[objects] - first)
     table[objects, 3] = opacity
     table[~objects & (ids == SUPPORT)] = (*SUPPORT_COLOR, opacity / 2)
     table[~objects & (ids < 0)] = (*IGNORE_COLOR, opacity)
     kept, paint = 1 - table[:, 3:], table[:, :3] * table[:, 3:]
     mixed = rgb.copy()
     pixels = mixed.reshape(-1, 3)
-    index = (instances - lowest).ravel()
+    index = label_index(instances, ids).ravel()
     painted = np.flatnonzero(table[:, 3].astype(bool)[index])
     index = index[painted]
     blend = pixels[painted] / 255 * kept[index] + paint[index]

@@ -47,3 +47,10 @@ def test_every_pixel_inside_an_outline_is_its_own_blend() -> None:
         color = np.array(colors.get(number, (0.0, 0.0, 0.0)))
         blend = rgb[row, column] / 255 * (1 - opacity) + color * opacity
         assert picture[row, column].tolist() == (blend * 255).round().tolist()
+
+
+def test_large_ids_have_a_color_too() -> None:
+    instances = np.repeat(np.array([[0, 0, 0, 2**31 - 1, 2**31 - 1, 2**31 - 1]], np.int32), 3, axis=0)
+    picture = overlay(np.zeros((3, 6, 3), np.uint8), instances, first=2, opacity=1.0)
+    assert picture[1, 0].tolist() == [0, 0, 0]
+    assert picture[1, 5].max() > 100
