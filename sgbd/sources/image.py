@@ -30,7 +30,7 @@ def image_files(folder: Path) -> list[Path]:
 
 
 def checked_depth_scale(depth_scale: float) -> float:
-    """Return the depth scale (metres per unit) if it is valid.
+    """Return the depth scale (metres per unit) as a float if it is valid.
 
     Raises:
         ValueError: If it is not a positive number.
@@ -41,7 +41,7 @@ def checked_depth_scale(depth_scale: float) -> float:
             "depth_scale must be positive, a number of metres a unit such as 0.0002 for 5000 units a metre; got "
             f"{depth_scale}"
         )
-    return depth_scale
+    return float(depth_scale)
 
 
 def read_rgb(path: str | Path) -> npt.NDArray[np.uint8]:

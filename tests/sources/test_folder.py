@@ -98,6 +98,12 @@ def test_depth_scale_and_camera(tmp_path: Path) -> None:
     assert frame.intrinsics == Intrinsics(3, 4, 1, 1)
 
 
+def test_the_depth_scale_may_be_a_number_of_numpy(tmp_path: Path) -> None:
+    write_triple(tmp_path, "a")
+    scale = np.float32(0.5)
+    assert Folder(tmp_path, depth_scale=scale).fingerprint() == Folder(tmp_path, depth_scale=0.5).fingerprint()
+
+
 def test_a_rule_overrides_detection(tmp_path: Path) -> None:
     write_triple(tmp_path, "a", [[0, 1], [20, 30]])
     assert Folder(tmp_path).label_rule == MOSD
