@@ -44,6 +44,11 @@ def graph_arrays(
         raise ValueError(
             f"the label map has shape {label_map.shape}, the frame {frame.depth.shape}: over-segment this very frame"
         )
+    if label_map.min() < 0:
+        raise ValueError(
+            f"the label map holds the id {label_map.min()}: every pixel belongs to a superpixel, also "
+            "one without depth, and their ids are 0..N-1"
+        )
     regions, borders = region_and_border_sums(frame, label_map) if sums is None else sums
     if not (regions.pixels > 0).all():
         raise ValueError("the label map skips ids: number its superpixels 0..N-1 (sgbd.superpixels.connect.renumber)")

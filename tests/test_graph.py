@@ -103,6 +103,8 @@ def test_an_unknown_category_is_named() -> None:
 def test_label_maps_that_do_not_fit_are_refused() -> None:
     with pytest.raises(ValueError, match=r"shape \(2, 2\), the frame \(4, 6\)"):
         build_graph(_frame(None), np.zeros((2, 2), np.int32))
+    with pytest.raises(ValueError, match="holds the id -1: every pixel belongs to a superpixel"):
+        build_graph(_frame(None), np.where(LABEL_MAP == 1, -1, LABEL_MAP // 2))
     with pytest.raises(ValueError, match="skips ids"):
         build_graph(_frame(None), np.where(LABEL_MAP == 1, 5, 0).astype(np.int32))
 
