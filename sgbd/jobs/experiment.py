@@ -176,7 +176,8 @@ def _train(
         objectness=initial.objectness,
         first_stage=initial.first_stage,
         validate=validate,
-        loggers=[instantiate(logger) for logger in config.logger.values()],
+        # With logger=[], the configuration has no such key.
+        loggers=[instantiate(logger) for logger in (config.get("logger") or {}).values()],
     )
 
 

@@ -30,10 +30,10 @@ class TestOnly(Scenes):
         return ("test",)
 
 
-def small(folder: Path, dataset: str = "tests.scenes.Scenes") -> DictConfig:
+def small(folder: Path, dataset: str = "tests.scenes.Scenes", logger: str = "csv") -> DictConfig:
     overrides = ["superpixels.n_segments=16", "trainer.epochs=1", "trainer.progress=false", "pictures=1", "workers=0"]
     with initialize_config_dir(str(config_folder()), version_base="1.3"):
-        config = compose("train", [*overrides, "logger=csv", f"cache_dir={folder / 'graphs'}"])
+        config = compose("train", [*overrides, f"logger={logger}", f"cache_dir={folder / 'graphs'}"])
     config.dataset = {"_target_": dataset}
     return config
 
@@ -73,6 +73,13 @@ def test_a_folder_that_was_not_installed_trains(tmp_path: Path, monkeypatch: pyt
     result = run_experiment(small(tmp_path), folder)
     versions = Segmenter.load(folder / result["checkpoint"]).recipe["versions"]
     assert versions == {"sgbd": __version__, "torch": version("torch"), "torch-geometric": version("torch-geometric")}
+
+
+def test_no_logger_is_needed(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    run_experiment(small(tmp_path, logger="[]"), folder)
+    assert (folder / "history.csv").is_file()
+    assert not (folder / "csv").exists()
 
 
 def test_tuned_thresholds_are_in_the_checkpoint(tmp_path: Path) -> None:
