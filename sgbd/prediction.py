@@ -20,6 +20,7 @@ from sgbd.reporting.overlay import overlay
 from sgbd.segmentation import Segmentation
 from sgbd.sources import ColorDepthRecording, Folder, FrameReadError, FrameSource, TumRecording, VideoPair
 from sgbd.sources.camera import intrinsics_option
+from sgbd.sources.camera_file import find_camera_file
 from sgbd.sources.image import IMAGE_SUFFIXES, checked_depth_scale, image_files, read_depth, read_rgb
 from sgbd.sources.notices import info_once
 from sgbd.sources.tum_recording import TOLERANCE, TUM_DEPTH_SCALE
@@ -103,6 +104,15 @@ def find_frames(
             f"the folder belongs to a TUM RGB-D recording, the depth of which is not in millimetres. Give "
             f"rgb={parent} alone, or state the unit: depth_scale={TUM_DEPTH_SCALE:g} is TUM's.",
         )
+    info_once(
+        log, "%s, %s: the depth has %g units a metre (option: depth_scale, now %g)%s",
+        *places, 1 / scale, scale,
+        "" if intrinsics else "; the camera is unknown, a horizontal view of 59° is assumed (option: intrinsics)",
+    )  # fmt: skip
+    camera_file = find_camera_file(parent)
+    apart = places in [(parent / color, parent / "depth") for color in ("color", "rgb")]
+    if apart and camera_file is not None and (intrinsics is None or depth_scale is None):
+        log.warning("%s is left out, as colours and depth are given apart; rgb=%s alone reads it", camera_file, parent)
     return RecordedFrames(*places, intrinsics, scale)
 
 

@@ -6,7 +6,7 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
-from sgbd.frame import Frame, FrameError
+from sgbd.frame import Frame, FrameError, Intrinsics
 from sgbd.machine import one_ahead
 from sgbd.prediction import (
     RecordedFrames,
@@ -176,6 +176,27 @@ def test_color_and_depth_sequences_are_recognised(tmp_path: Path) -> None:
     frames = find_frames(tmp_path)
     assert isinstance(frames, ColorDepthRecording)
     assert frames[0].depth == pytest.approx(scene(2).depth, abs=6e-4)
+
+
+def test_what_is_assumed_of_colours_and_depth_given_apart_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    _write(scene(2), tmp_path / "color/7.png", tmp_path / "depth/7.png")
+    places = (tmp_path / "color", tmp_path / "depth")
+    camera = Intrinsics(600.0, 600.0, 3.5, 2.5)
+    find_frames(*places, camera)
+    find_frames(*places)
+    told = f"{places[0]}, {places[1]}: the depth has 1000 units a metre (option: depth_scale, now 0.001)"
+    assert caplog.messages[0] == told
+    assert (
+        caplog.messages[1] == f"{told}; the camera is unknown, a horizontal view of 59° is assumed (option: intrinsics)"
+    )
+    (tmp_path / "intrinsic.json").write_text("{}")
+    find_frames(*places, camera, 0.001)
+    assert len(caplog.messages) == 2
+    find_frames(*places, camera)
+    assert f"intrinsic.json is left out, as colours and depth are given apart; rgb={tmp_path} alone" in caplog.text
 
 
 def test_other_inputs_are_what_they_were(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
