@@ -22,6 +22,14 @@ TOO_FEW_TO_SHARE = 128
 """Up to this many rows are computed in less time than a second thread needs to start."""
 
 
+def normalized_rows(norm: nn.BatchNorm1d, rows: Tensor) -> Tensor:
+    """Normalise rows [R, channels] by the moments of the batch, or, in training on a single row, the running ones."""
+    if not norm.training or rows.size(0) > 1:
+        normalized: Tensor = norm(rows)
+        return normalized
+    return batch_norm(rows, norm.running_mean, norm.running_var, norm.weight, norm.bias, False, 0.0, norm.eps)
+
+
 class RowNorm(nn.Module):
     """Batch normalisation that uses the running moments for a batch of a single row, which has no variance.
 
@@ -35,11 +43,7 @@ class RowNorm(nn.Module):
 
     def forward(self, rows: Tensor) -> Tensor:
         """Normalise rows [R, channels]."""
-        norm = self.module
-        if not self.training or rows.size(0) > 1:
-            normalized: Tensor = norm(rows)
-            return normalized
-        return batch_norm(rows, norm.running_mean, norm.running_var, norm.weight, norm.bias, False, 0.0, norm.eps)
+        return normalized_rows(self.module, rows)
 
     def fold(self, weight: Tensor, bias: Tensor) -> tuple[Tensor, Tensor]:
         """Fold the fixed scale and shift per column, as in evaluation, into the linear layer before this one."""

@@ -12,6 +12,7 @@ from sgbd.graph import edge_positions
 from sgbd.models.gated_network import GatedLayer, GatedNetwork
 from sgbd.models.gated_pass import symmetric_pass
 from sgbd.models.in_evaluation import can_be_compiled
+from sgbd.models.perceptron import normalized_rows
 
 if TYPE_CHECKING:
     from torch_geometric.data import Data
@@ -61,7 +62,8 @@ class SymmetricConvolution(GatedLayer):
         )
         total = zeros.index_add(0, i, gates).index_add(0, j, gates)
         nodes = nodes + self.dropout(torch.relu(self.node_norm(own + weighted / (total + 1e-6))))
-        edges = edges + self.dropout(torch.relu(self.edge_norm(gate_logits)))
+        # Two segments of a first stage may be a whole batch, with a single edge.
+        edges = edges + self.dropout(torch.relu(normalized_rows(self.edge_norm, gate_logits)))
         return nodes, edges
 
     @property

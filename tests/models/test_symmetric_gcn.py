@@ -163,3 +163,14 @@ def test_that_the_two_directions_differ_is_seen() -> None:
 def test_nodes_without_edges(training: bool) -> None:
     data = graph_of_pairs(torch.empty(2, 0, dtype=torch.int64), [], nodes=3)
     assert model().train(training)(data).shape == (0,)
+
+
+def test_a_single_edge_can_be_trained_on() -> None:
+    trained = model().train()
+    trained(path_graph([1.0])).sum().backward()
+    for layer in trained.layers:
+        assert layer.edge_norm.weight.grad.isfinite().all()
+    # Without a variance of their own, its states are normalised as in evaluation.
+    layer, states = trained.layers[0], torch.randn(2, 8)
+    ends, edge = torch.tensor([[0], [1]]), torch.randn(1, 8)
+    assert torch.equal(layer(states, edge, ends)[1], layer.eval()(states, edge, ends)[1])
