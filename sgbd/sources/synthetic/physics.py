@@ -107,39 +107,62 @@ def drop_poses(
     """Draw start poses: close together, above the table and without overlap.
 
     Of several random positions, each object takes the lowest one above the bounding boxes of the objects placed before
-    it. An object drawn to be stacked is placed upright on one of them.
+    it. An object drawn to be stacked is placed upright on one of them; one drawn to be a neighbour, right beside one.
     """
     footprint = sum(float(np.prod(np.sort(shape.extents)[1:])) for shape in shapes)
     low, high = variety.spread
     spread = log_uniform(rng, low, high) if variety.log_spread else rng.uniform(low, high)
     reach = min(0.38 * min(table.size), 0.5 * np.sqrt(footprint) * spread)
     center = rng.uniform(-0.06, 0.06, 2) * np.asarray(table.size)
-    placed: list[tuple[Floats, Floats]] = []
-    poses = []
+    halves: list[Floats] = []
+    poses: list[Pose] = []
     for shape in shapes:
         turn = _orientation(shape, rng)
-        best: Floats | None = None
-        places = 8
-        support: Floats | None = None
-        if placed and variety.stacked > 0 and rng.random() < variety.stacked:
-            turn = Rotation.from_euler("z", rng.uniform(0, 2 * np.pi)).as_matrix()
-            support, places = placed[int(rng.integers(len(placed)))][0], 1
+        support = neighbor = None
+        if poses and variety.stacked > 0 and rng.random() < variety.stacked:
+            yaw = rng.uniform(0, 2 * np.pi)
+            support = poses[int(rng.integers(len(poses)))]
+            if variety.aligned > 0 and rng.random() < variety.aligned:
+                yaw = _heading(support.turn)
+            turn = Rotation.from_euler("z", yaw).as_matrix()
+        elif poses and variety.beside > 0 and rng.random() < variety.beside:
+            neighbor = int(rng.integers(len(poses)))
+            turn = poses[neighbor].turn
         half = np.abs(turn) @ (shape.extents / 2) + 0.006
-        for _ in range(places):
+        best: Floats | None = None
+        for _ in range(1 if support is not None or neighbor is not None else 8):
             angle, radius = rng.uniform(0, 2 * np.pi), reach * np.sqrt(rng.random())
             place = np.array([center[0] + radius * np.cos(angle), center[1] + radius * np.sin(angle), 0.0])
             if support is not None:
-                place[:2] = support[:2] + rng.normal(0, 0.015, 2)
+                place[:2] = support.position[:2] + rng.normal(0, 0.015, 2)
+            elif neighbor is not None:
+                place[:2] = _beside(poses[neighbor], shapes[neighbor], shape, rng)
             below = [
-                other[2] + size[2] for other, size in placed if (np.abs(other - place)[:2] < (half + size)[:2]).all()
+                pose.position[2] + size[2]
+                for k, (pose, size) in enumerate(zip(poses, halves, strict=True))
+                if k != neighbor and (np.abs(pose.position - place)[:2] < (half + size)[:2]).all()
             ]
             place[2] = max([table.height, *below]) + half[2]
             if best is None or place[2] < best[2]:
                 best = place
         assert best is not None
-        placed.append((best, half))
+        halves.append(half)
         poses.append(Pose(best, turn))
     return poses
+
+
+def _heading(turn: Floats) -> float:
+    """Return the direction of the most horizontal axis of a rotated object, radians."""
+    axis = turn[:, np.argmin(np.abs(turn[2]))]
+    return float(np.arctan2(axis[1], axis[0]))
+
+
+def _beside(pose: Pose, there: Shape, shape: Shape, rng: np.random.Generator) -> Floats:
+    """Draw a position [2] beside an object for another one with the same orientation, a few millimetres away."""
+    side, along = rng.permutation(np.argsort(np.abs(pose.turn[2]))[:2])
+    gap = (there.extents[side] + shape.extents[side]) / 2 + rng.uniform(0.001, 0.008)
+    offset = rng.choice([-1, 1]) * gap * pose.turn[:, side] + rng.normal(0, 0.01) * pose.turn[:, along]
+    return np.asarray(pose.position + offset)[:2]
 
 
 @contextmanager

@@ -37,7 +37,7 @@ class Recipe:
         seed: Random seed; a larger dataset with the same seed starts with the same scenes.
         train_categories: Categories of the objects in training and validation frames; None for TOD-Z's 12 seen
             categories.
-        variety: Kind of scenes, see `sgbd.sources.synthetic.variety`: `tabletop`, `wide` or `assorted`.
+        variety: Kind of scenes, see `sgbd.sources.synthetic.variety`: `tabletop`, `wide`, `assorted` or `stacked`.
 
     Raises:
         ValueError: On construction, if a value is out of range.

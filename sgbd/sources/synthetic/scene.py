@@ -18,7 +18,7 @@ from sgbd.sources.synthetic.room import Placed, Room, random_room
 from sgbd.sources.synthetic.sensor_variety import recorded_by_any_camera
 from sgbd.sources.synthetic.shapes import SHAPES, Shape
 from sgbd.sources.synthetic.shapes.packaging import carton, roll
-from sgbd.sources.synthetic.shapes.sundries import SUNDRIES
+from sgbd.sources.synthetic.shapes.sundries import SUNDRIES, assembly
 from sgbd.sources.synthetic.table import Table, random_floor, random_table
 from sgbd.sources.synthetic.variety import VARIETIES, Variety
 
@@ -96,7 +96,10 @@ def arrange(
             low = min(low, high)
         table = random_floor(rng) if variety.floor > 0 and rng.random() < variety.floor else random_table(rng)
         count = int(rng.integers(low, high + 1))
-        shapes = [_random_shape(categories, variety, rng) for _ in range(count)]
+        shapes: list[Shape] = []
+        for _ in range(count):
+            again = bool(shapes) and variety.repeated > 0 and rng.random() < variety.repeated
+            shapes.append(shapes[int(rng.integers(len(shapes)))] if again else _random_shape(categories, variety, rng))
         try:
             poses = settle(shapes, table, rng, variety)
         except UnstableSimulationError as error:
@@ -116,7 +119,10 @@ def _random_shape(categories: Sequence[str], variety: Variety, rng: np.random.Ge
     if variety.packaging > 0 and rng.random() < variety.packaging:
         return carton(rng) if rng.random() < 0.7 else roll(rng)
     if variety.sundries > 0 and rng.random() < variety.sundries:
-        return SUNDRIES[int(rng.integers(len(SUNDRIES)))](rng)
+        sundry = SUNDRIES[int(rng.integers(len(SUNDRIES)))]
+        if sundry is assembly and variety.assemblies < 1 and rng.random() >= variety.assemblies:
+            sundry = carton
+        return sundry(rng)
     return SHAPES[categories[int(rng.integers(len(categories)))]](rng)
 
 

@@ -42,7 +42,8 @@ class Tabletop(Tod):
             beyond the table.
         seed: Random seed; the frames do not depend on the number of workers.
         variety: "tabletop" for clutter on tables; "wide" for scenes from a single box on the floor to heaps and stacks;
-            "assorted" for "wide" with additional made-up objects without a category.
+            "assorted" for "wide" with additional made-up objects without a category; "stacked" for "assorted" with more
+            stacks and rows.
         name: Prefix of the dataset's folder name.
         train_categories: Categories of the objects in training and validation frames; None for TOD-Z's 12 seen
             categories.

@@ -9,6 +9,7 @@ pytest.importorskip("mujoco", reason="needs the extra sgbd[synthetic]")
 pytest.importorskip("trimesh", reason="needs the extra sgbd[synthetic]")
 
 import mujoco
+from scipy.spatial.transform import Rotation
 
 from sgbd.sources.synthetic import colors, meshes, physics
 from sgbd.sources.synthetic.shapes import Part, Shape
@@ -91,6 +92,41 @@ def test_stacked_objects_start_upright_on_another() -> None:
     # Each object is above all objects below it, with the gaps of both bounding boxes.
     heights = sorted(pose.position[2] for pose in poses)
     np.testing.assert_allclose(heights, 0.756 + 0.112 * np.arange(6), atol=1e-9)
+
+
+def test_aligned_objects_of_a_stack_are_parallel_to_the_one_below() -> None:
+    shapes = [cube(0.1) for _ in range(6)]
+    poses = physics.drop_poses(shapes, table(), np.random.default_rng(4), Variety(stacked=1.0, aligned=1.0))
+    for pose in poses[1:]:
+        # The axes of a cube are parallel if they agree up to order and sign.
+        np.testing.assert_allclose(np.sort(np.abs(poses[0].turn.T @ pose.turn), axis=None)[6:], 1, atol=1e-12)
+
+
+def test_the_heading_is_that_of_the_most_horizontal_axis() -> None:
+    yaw = Rotation.from_euler("z", 0.3)
+    assert physics._heading(yaw.as_matrix()) == pytest.approx(0.3)
+    leaning = yaw * Rotation.from_euler("x", 0.2)
+    assert physics._heading(leaning.as_matrix()) == pytest.approx(0.3)
+
+
+def test_an_object_beside_another_is_parallel_to_it_and_a_few_millimeters_away() -> None:
+    shapes = [cube(0.1), cube(0.06)]
+    kind = Variety(beside=1.0)
+    for number in range(20):
+        first, second = physics.drop_poses(shapes, table(), np.random.default_rng(number), kind)
+        np.testing.assert_array_equal(second.turn, first.turn)
+        x, y, _ = first.turn.T @ (second.position - first.position)
+        along, across = sorted((abs(x), abs(y)))
+        assert 0.081 - 1e-9 <= across <= 0.088 + 1e-9
+        assert along < 0.05
+        assert second.position[2] == pytest.approx(0.7 + 0.03 + 0.006)
+
+
+def test_a_row_of_cubes_comes_to_rest_on_the_table() -> None:
+    poses = physics.settle([cube(0.1)] * 2, table(), np.random.default_rng(0), Variety(beside=1.0))
+    for pose in poses:
+        assert pose is not None
+        assert pose.position[2] == pytest.approx(0.75, abs=0.004)
 
 
 def test_a_stack_of_cubes_stands() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -140,6 +142,23 @@ def test_assorted_scenes_hold_made_up_things_too() -> None:
     # Half of the three quarters that are not packaging are made up, within three standard deviations.
     share = sum(name in made_up for name in names) / len(names)
     assert abs(share - 0.375) < 3 * (0.375 * 0.625 / len(names)) ** 0.5
+
+
+def test_cartons_replace_a_share_of_the_assemblies() -> None:
+    kind = replace(VARIETIES["stacked"], packaging=0.0, sundries=1.0)
+    rng = np.random.default_rng(0)
+    names = [scene._random_shape(SEEN, kind, rng).category for _ in range(300)]
+    assert set(names) == {"binder", "stand", "tool", "assembly", "tray", "carton"}
+    # A fifth of all draws are assemblies, of which 40 % remain, within three standard deviations.
+    for name, share in (("assembly", 0.08), ("carton", 0.12)):
+        assert abs(names.count(name) / 300 - share) < 3 * (share * (1 - share) / 300) ** 0.5
+
+
+@pytest.mark.parametrize(("repeated", "looks"), [(0.0, 12), (1.0, 1)])
+def test_repeated_objects_look_like_an_earlier_one(repeated: float, looks: int) -> None:
+    kind = replace(VARIETIES["tabletop"], repeated=repeated)
+    shapes = scene.arrange(SEEN, (12, 12), seed(0), kind).shapes
+    assert len({id(shape) for shape in shapes}) == looks
 
 
 def test_wide_scenes_are_few_or_many_on_tables_and_floors(wide_arrangements: list[scene.Arrangement]) -> None:

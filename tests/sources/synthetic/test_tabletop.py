@@ -310,6 +310,7 @@ def test_bad_options_are_refused(tmp_path: Path, option: dict[str, Any], message
         ("tabletop_kinect", (400, 50, 100), "kinect"),
         ("tabletop_wide", (2000, 150, 100), "varied"),
         ("tabletop_assorted", (3000, 150, 100), "varied"),
+        ("tabletop_stacked", (6000, 150, 100), "varied"),
     ],
 )
 def test_shipped_configurations(name: str, frames: tuple[int, int, int], sensor: str, tmp_path: Path) -> None:
