@@ -273,14 +273,17 @@ def test_links_open_what_is_folded_up(opened) -> None:
 
 
 def test_links_to_frames_that_are_filtered_out_show_them(opened) -> None:
+    from selenium.webdriver.support.ui import WebDriverWait
+
     choose(opened, "dataset", "elsewhere")
     (link,) = css(opened, "#run-0 figure.table a[href='#frame-1']")
     opened.execute_script("arguments[0].click()", link)
-    opened.execute_async_script("setTimeout(arguments[0], 100)")
-    top, bottom = opened.execute_script(
-        "const place = document.getElementById('frame-1').getBoundingClientRect(); return [place.top, place.bottom]"
-    )
-    assert 0 <= top < bottom <= opened.execute_script("return innerHeight")
+    # The page scrolls smoothly, so it arrives later.
+    in_window = """
+        const place = document.getElementById('frame-1').getBoundingClientRect();
+        return 0 <= place.top && place.top < place.bottom && place.bottom <= innerHeight;
+    """
+    WebDriverWait(opened, 10).until(lambda driver: driver.execute_script(in_window))
 
 
 @pytest.mark.parametrize("width", [360, 768, 1280])
