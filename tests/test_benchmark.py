@@ -34,11 +34,11 @@ COLUMNS = {
     "prepare": {
         *("superpixels", "workers", "frames", "seconds", "seconds_to_first_graph", "frames_per_second_then"),
         *("seconds_per_frame_and_core", "cpu_seconds_per_frame", "read_ms", "superpixels_ms", "graph_ms", "write_ms"),
-        *("worker_resident_mib", "worker_own_mib"),
+        *("worker_resident_mib", "worker_own_mib", "main_process_mib"),
     },
     "curve_size": SPREAD | {"width", "height"},
     "curve_n": SPREAD | {"n"},
-    "curve_frames": {"frames", "seconds", "cpu_seconds_per_frame"},
+    "curve_frames": set(sections.CURVE_COLUMNS),
     "train": {
         *("graphs", "nodes", "edges", "epochs", "seconds", "cpu_seconds", "median_epoch_seconds", "graphs_per_second"),
         *("in_memory", "before_mib", "peak_mib"),

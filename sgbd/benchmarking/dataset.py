@@ -17,9 +17,11 @@ LARGEST_LABEL = 65534
 
 IGNORED = 65535
 
+KINDS = ("rgb", "depth", "labels")
+
 
 def write_dataset(frames: Sequence[RawFrame], count: int, root: Path) -> Folder:
-    """Write frames as PNG files, repeating them as needed.
+    """Write frames as PNG files, repeating them as needed: the repetitions are symbolic links to the first files.
 
     Args:
         frames: The frames, with ground truth.
@@ -32,15 +34,22 @@ def write_dataset(frames: Sequence[RawFrame], count: int, root: Path) -> Folder:
     Raises:
         ConfigurationError: If a frame has no ground truth.
     """
-    for number in range(count):
-        raw = frames[number % len(frames)]
+    for number, raw in enumerate(frames[:count]):
         if raw.instances is None:
             raise ConfigurationError(
                 f"frame {raw.name!r} has no label image, which training and evaluation need. Leave prepare, train and "
                 "evaluate out of sections, or measure on made-up scenes: frames=null"
             )
         labels = np.where(raw.instances < 0, IGNORED, np.minimum(raw.instances, LARGEST_LABEL)).astype(np.uint16)
-        for kind, array in (("rgb", raw.rgb), ("depth", raw.depth), ("labels", labels)):
-            Image.fromarray(array).save(root / f"{number:06d}_{kind}.png", compress_level=1)
+        images = Image.fromarray(raw.rgb), Image.fromarray(raw.depth), Image.fromarray(labels)
+        for kind, image in zip(KINDS, images, strict=True):
+            image.save(_file(root, number, kind), compress_level=1)
+    for number in range(len(frames), count):
+        for kind in KINDS:
+            _file(root, number, kind).symlink_to(_file(root, number % len(frames), kind).absolute())
     rule = LabelRule(background=[0], support=[1], ignore=[IGNORED], objects=[f"2-{LARGEST_LABEL}"])
     return Folder(root, labels=rule, intrinsics=frames[0].intrinsics)
+
+
+def _file(root: Path, number: int, kind: str) -> Path:
+    return root / f"{number:06d}_{kind}.png"

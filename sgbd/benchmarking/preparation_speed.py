@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from sgbd.benchmarking.peak_memory import PeakMemory, worker_processes
+from sgbd.benchmarking.peak_memory import PeakMemory, this_process, worker_processes
 from sgbd.data import SuperpixelGraphDataset
 from sgbd.graph_file import SUFFIX
 from sgbd.preparation import prepare
@@ -16,48 +15,44 @@ from sgbd.sources import FrameSource
 
 
 def measure_preparation(
-    source: FrameSource, segmenter: Segmenter, counts: Sequence[int], folder: Path, progress: bool = False
-) -> tuple[list[dict[str, Any]], Path]:
-    """Prepare the same frames with different numbers of workers, after an uncounted warm-up.
+    source: FrameSource, segmenter: Segmenter, workers: int, folder: Path, progress: bool = False
+) -> tuple[dict[str, Any], Path]:
+    """Prepare frames. Everything should be compiled before.
 
     Args:
         source: Frames on disk.
         segmenter: Provides the superpixels and the graph.
-        counts: Numbers of worker processes; 0 to run in this process.
-        folder: An empty folder for the caches.
-        progress: Whether to show progress bars.
+        workers: Number of worker processes; 0 to run in this process.
+        folder: An empty folder for the cache.
+        progress: Whether to show a progress bar.
 
     Returns:
-        One row per number of workers, and the recipe folder of the graphs.
+        A table row, and the recipe folder of the graphs.
     """
-    cache = prepare_frames(source, segmenter, 0, folder / "warm_up", progress)
-    rows = []
-    for count in counts:
-        cpu, start = time.process_time(), time.time()
-        with PeakMemory(worker_processes) as memory:
-            cache = prepare_frames(source, segmenter, count, folder / f"workers_{count}", progress)
-        wall, cpu = time.time() - start, time.process_time() - cpu
-        stages = SuperpixelGraphDataset(cache, source.split).statistics()["seconds_per_frame"]
-        written = sorted(path.stat().st_mtime for path in (cache / source.split).glob(f"*{SUFFIX}"))
-        started = written[0] - start
-        rows.append(
-            {
-                "superpixels": type(segmenter.superpixels).__name__,
-                "workers": count,
-                "frames": len(source),
-                "seconds": wall,
-                # Import time of the workers, negligible in a long preparation.
-                "seconds_to_first_graph": started,
-                "frames_per_second_then": len(source) / (wall - started),
-                "seconds_per_frame_and_core": (wall - started) * max(count, 1) / len(source),
-                # The processor time of worker processes is only known after they have ended.
-                "cpu_seconds_per_frame": cpu / len(source) if count == 0 else None,
-                **{f"{stage}_ms": 1000 * seconds for stage, seconds in stages.items()},
-                "worker_resident_mib": memory.resident_mib if count else None,
-                "worker_own_mib": memory.own_mib if count else None,
-            }
-        )
-    return rows, cache
+    cpu, start = time.process_time(), time.time()
+    with PeakMemory(worker_processes) as of_workers, PeakMemory(this_process) as of_this:
+        cache = prepare_frames(source, segmenter, workers, folder, progress)
+    wall, cpu = time.time() - start, time.process_time() - cpu
+    stages = SuperpixelGraphDataset(cache, source.split).statistics()["seconds_per_frame"]
+    first_graph = min(path.stat().st_mtime for path in (cache / source.split).glob(f"*{SUFFIX}"))
+    started = first_graph - start
+    row = {
+        "superpixels": type(segmenter.superpixels).__name__,
+        "workers": workers,
+        "frames": len(source),
+        "seconds": wall,
+        # Import time of the workers, negligible in a long preparation.
+        "seconds_to_first_graph": started,
+        "frames_per_second_then": len(source) / (wall - started),
+        "seconds_per_frame_and_core": (wall - started) * max(workers, 1) / len(source),
+        # The processor time of worker processes is only known after they have ended.
+        "cpu_seconds_per_frame": None if workers else cpu / len(source),
+        **{f"{stage}_ms": 1000 * seconds for stage, seconds in stages.items()},
+        "worker_resident_mib": of_workers.resident_mib if workers else None,
+        "worker_own_mib": of_workers.own_mib if workers else None,
+        "main_process_mib": of_this.resident_mib,
+    }
+    return row, cache
 
 
 def prepare_frames(

@@ -40,8 +40,19 @@ WIDTHS = (320, 480, 640, 960, 1280)
 """Frame widths on the curve of cost against image size; the aspect ratio is that of the given frames."""
 NUMBERS = (32, 64, 128, 256, 512, 1024)
 """Numbers of superpixels requested on the curve of cost against n."""
-SHARES = (1, 2, 4, 8)
-"""Shares of the frames, in eighths, on the preparation curve."""
+DIVISORS = (64, 16, 4, 1)
+"""The preparation curve has a point at each of these fractions of the frames."""
+CURVE_COLUMNS = (
+    "frames",
+    "workers",
+    "seconds",
+    "seconds_to_first_graph",
+    "frames_per_second_then",
+    "worker_resident_mib",
+    "worker_own_mib",
+    "main_process_mib",
+)
+"""Columns of the preparation curve."""
 
 
 @dataclass
@@ -180,13 +191,18 @@ class Benchmark:
         source = self._files(self.extent.prepare_frames)
         chosen = configured_segmenter(self.config, n)
         counts = sorted({0, int(self.config.workers)})
-        rows, cache = measure_preparation(source, chosen, counts, self._folder("caches"), progress)
-        self._cache = source, cache
+        self._warm_up(chosen)
+        rows = []
+        for count in counts:
+            row, cache = measure_preparation(source, chosen, count, self._folder("caches"), progress)
+            rows.append(row)
+            self._cache = source, cache
         # Fewer frames are enough here: scikit-image takes as long for them as we take for all.
         few = self._files(max(1, self.extent.prepare_frames // 8))
         other = with_option(self.config, SCIKIT_IMAGE_SUPERPIXELS)
         chosen = configured_segmenter(other, n)
-        rows += measure_preparation(few, chosen, [0], self._folder("caches"), progress)[0]
+        self._warm_up(chosen)
+        rows.append(measure_preparation(few, chosen, 0, self._folder("caches"), progress)[0])
         self.report.add("prepare", f"PNG files to cached graphs, {self.size}, n={n}", rows)
 
     def curve(self) -> None:
@@ -203,11 +219,23 @@ class Benchmark:
         self.report.add("curve_n", f"A whole frame by n, {self.size}", rows)
         chosen = configured_segmenter(self.config, n)
         rows = []
-        for share in SHARES:
-            source = self._files(max(1, share * self.extent.prepare_frames // max(SHARES)))
-            found, _ = measure_preparation(source, chosen, [0], self._folder("caches"), self.config.progress)
-            rows += [{key: row[key] for key in ("frames", "seconds", "cpu_seconds_per_frame")} for row in found]
-        self.report.add("curve_frames", f"Preparation of ever more frames, {self.size}, n={n}, one process", rows)
+        self._warm_up(chosen)
+        for divisor in DIVISORS:
+            # Many frames fill a disk, so each cache is deleted before the next one is written.
+            with tempfile.TemporaryDirectory(prefix="sgbd_benchmark_curve_") as folder:
+                (Path(folder) / "files").mkdir()
+                source = write_dataset(
+                    self.frames, max(1, self.extent.prepare_frames // divisor), Path(folder) / "files"
+                )
+                row, _ = measure_preparation(
+                    source, chosen, int(self.config.workers), Path(folder) / "caches", self.config.progress
+                )
+            rows.append({key: row[key] for key in CURVE_COLUMNS})
+        self.report.add("curve_frames", f"Preparation of ever more frames, {self.size}, n={n}", rows)
+
+    def _warm_up(self, segmenter: Segmenter) -> None:
+        """Prepare one frame, so that everything is compiled."""
+        prepare_frames(self._files(1), segmenter, 0, self._folder("caches"), self.config.progress)
 
     def _whole_frames(self, frames: Sequence[RawFrame], n: int) -> dict[str, float]:
         chosen = configured_segmenter(self.config, n)

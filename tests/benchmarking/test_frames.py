@@ -81,6 +81,10 @@ def test_a_written_dataset_reads_as_the_frames(tmp_path):
         np.testing.assert_allclose(frame.depth, expected.depth, atol=1e-6)
         assert np.array_equal(frame.instances, expected.instances)
     assert expected.instances.max() < IGNORED
+    # Only two frames take space on the disk.
+    assert sorted(path.name for path in tmp_path.iterdir() if not path.is_symlink()) == [
+        f"00000{number}_{kind}.png" for number in (0, 1) for kind in ("depth", "labels", "rgb")
+    ]
 
 
 def test_training_and_evaluation_need_truth(tmp_path):
