@@ -41,13 +41,12 @@ from sgbd.machine.progress_bar import ProgressBar
 from sgbd.node_block import NodeBlock
 from sgbd.preparation import INDEX_FILE, RECIPE_FILE, PreparationError, frame_fingerprint, graph_file_name, read_index
 from sgbd.recipe import recipe_hash
-from sgbd.repaint import node_map
 from sgbd.sources.source import FrameSource
 
 log = logging.getLogger(__name__)
 
 BLOCKS_FOLDER = "node_blocks"
-LABEL_MAP_FIELDS = ("label_map", "image_size", "node_of_superpixel")
+LABEL_MAP_FIELDS = ("label_map", "image_size")
 AT_ONCE = 8
 """Number of frames that are read, computed and written together."""
 
@@ -179,8 +178,8 @@ def _compute(
             for name in names:
                 images.append(source[place[name]].rgb)
                 graph = read_graph(folder / source.split / graph_file_name(name), LABEL_MAP_FIELDS)
-                label_map = unpack(graph.label_map, tuple(graph.image_size[0].tolist()))
-                label_maps.append(node_map(label_map, graph))
+                # It shows the nodes, also if they are segments of a first stage.
+                label_maps.append(unpack(graph.label_map, tuple(graph.image_size[0].tolist())))
             for name, x in zip(names, block(images, label_maps), strict=True):
                 made_from = frame_fingerprint(source, place[name])
                 write_graph(split / graph_file_name(name), Data(x=torch.from_numpy(x)), made_from)

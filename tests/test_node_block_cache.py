@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 
+from sgbd.agglomeration import AgglomeratedGraph
 from sgbd.data import GraphCacheError, SuperpixelGraphDataset
 from sgbd.features import node_columns
 from sgbd.graph import GraphBuilder
@@ -19,6 +20,7 @@ from sgbd.node_block_cache import find_node_block, node_block_folder, prepare_no
 from sgbd.preparation import PreparationError, graph_file_name, prepare
 from sgbd.superpixels import FastSlic
 from tests.scenes import Scenes
+from tests.test_agglomeration import checkpoint as first_stage
 
 
 class Colors(NodeBlock):
@@ -59,6 +61,17 @@ def test_the_columns_are_appended_in_the_order_of_the_superpixels(prepared: Path
         # The mean colour is also a feature of the graphs.
         assert torch.allclose(data.x[:, 4:], every.x[:, node_columns(["rgb"])], atol=1e-5)
     assert whole.node_channels == len(node_columns()), "all features are those of every graph"
+
+
+def test_the_nodes_of_a_second_stage_get_their_own_columns(tmp_path: Path) -> None:
+    torch.manual_seed(0)
+    graph = AgglomeratedGraph(first_stage(GraphBuilder()), threshold=0.4)
+    folder = prepare(Scenes("train"), FastSlic(n_segments=40), graph, tmp_path, progress=False)
+    add(folder, Colors())
+    dataset = SuperpixelGraphDataset(folder, node_features=["colors", "rgb"])
+    assert sum(data.node_of_superpixel.numel() - data.num_nodes for data in dataset) > 0, "some superpixels are merged"
+    for data in dataset:
+        assert torch.allclose(data.x[:, -3:], data.x[:, :3], atol=1e-5)
 
 
 def test_the_block_alone(prepared: Path) -> None:
