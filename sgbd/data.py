@@ -70,7 +70,6 @@ class SuperpixelGraphDataset(Dataset):
         self.fields = None if fields is None else tuple(fields)
         stored, others = split_groups(self.node_features)
         self._block = self._find_block(others, node_block)
-        self._block_names = () if self._block is None else node_block_names(self._block)
         self._node_columns = node_columns(stored)
         self._edge_columns = edge_columns(self.edge_features)
         self.in_memory = in_memory
@@ -121,15 +120,27 @@ class SuperpixelGraphDataset(Dataset):
         return frozenset(self._index["seen"])
 
     @property
+    def node_names(self) -> tuple[str, ...]:
+        """Names of the columns of `x`: selected features, own columns of the graph builder, columns of a node block."""
+        own = self.recipe.get("own_node_columns", ())
+        block = () if self._block is None else node_block_names(self._block)
+        return (*(NODE_NAMES[column] for column in self._node_columns), *own, *block)
+
+    @property
+    def edge_names(self) -> tuple[str, ...]:
+        """Names of the columns of `edge_attr`: selected features, then own columns of the graph builder."""
+        own = self.recipe.get("own_edge_columns", ())
+        return (*(EDGE_NAMES[column] for column in self._edge_columns), *own)
+
+    @property
     def node_channels(self) -> int:
         """Number of node features."""
-        own = len(self.recipe.get("own_node_columns", ()))
-        return len(self._node_columns) + own + len(self._block_names)
+        return len(self.node_names)
 
     @property
     def edge_channels(self) -> int:
         """Number of edge features."""
-        return len(self._edge_columns) + len(self.recipe.get("own_edge_columns", ()))
+        return len(self.edge_names)
 
     def _find_block(self, groups: list[str], name: str | None) -> Path | None:
         if not groups:

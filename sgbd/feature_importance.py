@@ -15,14 +15,12 @@ from torch_geometric.data import Data
 
 from sgbd.batches import SupervisedGraphs, collate
 from sgbd.evaluation import with_truth
-from sgbd.features import EDGE_NAMES, NODE_NAMES, edge_columns, node_columns
 from sgbd.graph import edge_positions
 from sgbd.jobs.configuration import ConfigurationError, entry_point, output_folder
 from sgbd.jobs.pipeline import open_graphs, prepare_splits
 from sgbd.jobs.untrained import configured_block
 from sgbd.machine.atomic_file import write_whole
 from sgbd.machine.availability import NotAvailableError
-from sgbd.node_block import split_groups
 from sgbd.reporting.results import write_figure
 from sgbd.sampling import BalancedEdgeSampler
 
@@ -185,17 +183,12 @@ def main(config: DictConfig) -> None:
         with_truth(open_graphs(cache, split, features, block, in_memory=True), config.on_error)
         for split in ("train", config.held_out)
     ]
-    stored, others = split_groups(features.node)
-    node_names = [NODE_NAMES[column] for column in node_columns(stored)]
-    if others and block is not None:
-        node_names += block.names
-    edge_names = [EDGE_NAMES[column] for column in edge_columns(features.edge)]
     runs, accuracies = [], []
     for run in range(config.runs):
         seed = config.seed + run
         generator = torch.Generator().manual_seed(seed)
         train, held_out = (
-            pair_table(dataset, config.pairs, config.merge_share, generator, node_names, edge_names)
+            pair_table(dataset, config.pairs, config.merge_share, generator, dataset.node_names, dataset.edge_names)
             for dataset in graphs
         )
         importance, accuracy = forest_importance(train, held_out, config.trees, seed)

@@ -158,36 +158,44 @@ def edge_positions(edge_index: Tensor, pairs: Tensor, num_nodes: int) -> Tensor:
     return order[place]
 
 
-def to_networkx(data: Data) -> nx.Graph:
+def to_networkx(
+    data: Data, node_names: Sequence[str] | None = None, edge_names: Sequence[str] | None = None
+) -> nx.Graph:
     """Convert a graph to NetworkX, for analysis.
 
     Args:
         data: A graph of `build_graph`, with any selection of feature columns.
+        node_names: Names of the columns of `x`, such as `sgbd.data.SuperpixelGraphDataset.node_names`. By default
+            those of `sgbd.features.NODE_NAMES` if there are as many columns, and otherwise none.
+        edge_names: Names of the columns of `edge_attr`, likewise.
 
     Returns:
         An undirected graph. Nodes have the attributes `x` (a list of features), `area` and, with ground truth,
         `instance`. Edges have `edge_attr` (of the direction i to j, i < j), `border_length` and, with ground truth,
-        `label`. If no feature column was dropped, every feature is also an attribute under its own name. The graph has
-        `name`, `height` and `width`.
+        `label`. Every named feature is also an attribute under its own name. The graph has `name`, `height` and
+        `width`.
     """
     import networkx as nx
 
     height, width = data.image_size[0].tolist()
     graph = nx.Graph(name=data.name, height=height, width=width)
     labeled = "edge_label" in data
-    named = data.x.shape[1] == len(NODE_NAMES)
+    if node_names is None and data.x.shape[1] == len(NODE_NAMES):
+        node_names = NODE_NAMES
+    if edge_names is None and data.edge_attr.shape[1] == len(EDGE_NAMES):
+        edge_names = EDGE_NAMES
     for node, (x, area) in enumerate(zip(data.x.tolist(), data.area.tolist(), strict=True)):
-        graph.add_node(node, x=x, area=area, **(dict(zip(NODE_NAMES, x, strict=True)) if named else {}))
+        features = {} if node_names is None else dict(zip(node_names, x, strict=True))
+        graph.add_node(node, **(features | {"x": x, "area": area}))
         if labeled:
             graph.nodes[node]["instance"] = int(data.node_instance[node])
     pairs = data.edge_label_index.t().tolist()
     attributes = data.edge_attr[: len(pairs)].tolist()
-    named = data.edge_attr.shape[1] == len(EDGE_NAMES)
     for edge, ((i, j), attribute, length) in enumerate(
         zip(pairs, attributes, data.border_length.tolist(), strict=True)
     ):
-        names = dict(zip(EDGE_NAMES, attribute, strict=True)) if named else {}
-        graph.add_edge(i, j, edge_attr=attribute, border_length=length, **names)
+        features = {} if edge_names is None else dict(zip(edge_names, attribute, strict=True))
+        graph.add_edge(i, j, **(features | {"edge_attr": attribute, "border_length": length}))
         if labeled:
             graph.edges[i, j]["label"] = float(data.edge_label[edge])
     return graph

@@ -73,6 +73,7 @@ def test_groups_choose_columns(recipe_folder: Path, in_memory: bool) -> None:
         assert torch.equal(data.x, full.x[:, node_columns(["rgb", "depth"])])
         assert data.edge_attr.shape == (full.edge_index.shape[1], 0)
         assert torch.equal(data.edge_index, full.edge_index)
+    assert (dataset.node_names, dataset.edge_names) == (("red", "green", "blue", "depth"), ())
     everything = SuperpixelGraphDataset(recipe_folder, node_features=list(NODE_GROUPS), edge_features=list(EDGE_GROUPS))
     assert same(everything[2], full)
 

@@ -1,18 +1,38 @@
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 import torch
+from torch_geometric.data import Data
 
+from sgbd.adjacency import LabelMap
 from sgbd.feature_importance import PairTable, forest_importance, importance_figure, pair_table, summarize
+from sgbd.frame import Frame
+from sgbd.graph import GraphBuilder
 from sgbd.jobs.configuration import ConfigurationError
 from tests.graph_samples import grid_graph, path_graph
 from tests.test_commands import Command, command, frames  # noqa: F401
 
 pytest.importorskip("sklearn", reason="the extra sgbd[analysis] is not installed")
+
+
+class WithOwnColumns(GraphBuilder):
+    """Appends a constant to the node features, and the label to the edge features."""
+
+    node_columns = ("constant",)
+    edge_columns = ("label",)
+
+    def __call__(
+        self, frame: Frame, label_map: LabelMap, category_names: Sequence[str] = (), *, store_maps: bool = True
+    ) -> Data:
+        data = super().__call__(frame, label_map, category_names, store_maps=store_maps)
+        data.x = torch.cat([data.x, torch.ones(data.x.size(0), 1)], dim=1)
+        data.edge_attr = torch.cat([data.edge_attr, data.edge_label.repeat(2)[:, None]], dim=1)
+        return data
 
 
 def generator() -> torch.Generator:
@@ -105,3 +125,18 @@ def test_the_command_with_a_single_forest_and_with_frames_without_truth(
     (frames / "test" / "scene6_labels.png").unlink()
     assert command("feature_importance", *here, "on_error=fail") == 1
     assert "1 of 2 frames of test have no ground truth: scene6" in capsys.readouterr().err
+
+
+def test_columns_of_a_users_graph_builder_have_their_own_names(
+    command: Command,  # noqa: F811
+    frames: Path,  # noqa: F811
+    tmp_path: Path,
+) -> None:
+    here = ("dataset=folder", f"dataset.root={frames}", "superpixels.n_segments=12", "workers=0", "hydra.run.dir=out")
+    own = (f"graph._target_={__name__}.WithOwnColumns", "features.node=[shape]", "features.edge=[]")
+    assert command("feature_importance", *here, *own, "pairs=16", "runs=1", "trees=100") == 0
+    table = pd.read_csv(tmp_path / "out" / "feature_importance.csv", index_col=0)
+    assert sorted(table.index) == ["constant", "label", "log_area", "missing_depth", "roughness"]
+    assert table["impurity"].sum() == pytest.approx(1)
+    assert table["impurity"].idxmax() == "label"
+    assert table.loc["constant", "impurity"] == 0

@@ -186,3 +186,12 @@ def test_networkx_has_names_and_labels() -> None:
     assert graph.edges[1, 2]["log_border_length"] == pytest.approx(np.log1p(4))
     assert graph.nodes[0]["instance"] == 2
     assert graph.nodes[2]["centroid_x"] == pytest.approx(4.5 / 6)
+
+
+def test_networkx_has_the_names_that_it_is_given() -> None:
+    data = build_graph(_frame(None), LABEL_MAP)
+    data.x = torch.cat([data.x[:, :1], torch.full((3, 1), 7.0)], dim=1)
+    assert set(to_networkx(data).nodes[0]) == {"x", "area"}
+    graph = to_networkx(data, ["red", "own"], ["edge" + name for name in EDGE_NAMES])
+    assert graph.nodes[2] == {"x": [0, 7], "area": 8, "red": 0, "own": 7}
+    assert graph.edges[1, 2]["edgelog_border_length"] == pytest.approx(np.log1p(4))
