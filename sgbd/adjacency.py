@@ -14,6 +14,40 @@ Adjacency = Callable[[LabelMap], Pairs]
 """Maps a label map int32 [H, W] with ids 0..N-1 to pairs int64 [2, E], each once, i < j, in lexicographic order."""
 
 
+def checked_pairs(found: npt.ArrayLike, count: int) -> Pairs:
+    """Check the pairs of a user-defined adjacency, whose mistakes would otherwise give wrong features silently.
+
+    Args:
+        found: What the adjacency returned; the order of the pairs does not matter.
+        count: Number N of superpixels.
+
+    Returns:
+        int64 [2, E].
+
+    Raises:
+        ValueError: If these are not integers [2, E] with 0 <= i < j < N, each pair once.
+    """
+    pairs = np.asarray(found)
+    if pairs.ndim != 2 or pairs.shape[0] != 2 or not (np.issubdtype(pairs.dtype, np.integer) or pairs.size == 0):
+        raise ValueError(
+            f"an adjacency must give pairs of superpixels, integers of shape [2, E]; got {pairs.dtype} of shape "
+            f"{list(pairs.shape)}"
+        )
+    pairs = pairs.astype(np.int64, copy=False)
+    i, j = pairs
+    wrong = np.flatnonzero((i < 0) | (i >= j) | (j >= count))
+    if wrong.size:
+        raise ValueError(
+            f"an adjacency must give pairs (i, j) of the superpixels 0 to {count - 1} with i < j; got "
+            f"({i[wrong[0]]}, {j[wrong[0]]})"
+        )
+    keys, occurrences = np.unique(i * count + j, return_counts=True)
+    if len(keys) < len(i):
+        twice = int(keys[occurrences > 1][0])
+        raise ValueError(f"an adjacency must give every pair once; got {divmod(twice, count)} several times")
+    return pairs
+
+
 def border_pairs(label_map: LabelMap) -> Pairs:
     """Find the pairs of superpixels that share a border (4-connected neighbours in the image).
 

@@ -113,8 +113,8 @@ def build_graph(
         - truth_map: uint8 [B'], the packed instances, if `store_maps`.
 
     Raises:
-        ValueError: If the label map does not have the frame's size, skips ids or holds negative ones, or an instance
-            has a category that is not in `category_names`.
+        ValueError: If the label map does not have the frame's size, skips ids or holds negative ones, if `adjacency`
+            does not give pairs i < j, each once, or an instance has a category that is not in `category_names`.
     """
     return as_data(graph_arrays(frame, label_map, adjacency, category_names, store_maps=store_maps))
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from sgbd.adjacency import Adjacency, LabelMap, Pairs, border_pairs
+from sgbd.adjacency import Adjacency, LabelMap, Pairs, border_pairs, checked_pairs
 from sgbd.features import Geometry, edge_features, node_features, sums_of_pairs
 from sgbd.frame import IGNORE, Frame
 from sgbd.label_map import pack
@@ -54,7 +54,7 @@ def graph_arrays(
         raise ValueError("the label map skips ids: number its superpixels 0..N-1 (sgbd.superpixels.connect.renumber)")
     area = regions.pixels.astype(np.int64)
     geometry = Geometry(regions, borders, frame.camera)
-    pairs = borders.pairs if adjacency is border_pairs else adjacency(label_map)
+    pairs = borders.pairs if adjacency is border_pairs else checked_pairs(adjacency(label_map), len(area))
     forward, backward = edge_features(pairs, borders, regions, geometry)
     graph: GraphArrays = {
         "x": node_features(frame, regions, geometry),

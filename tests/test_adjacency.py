@@ -1,8 +1,9 @@
 import numpy as np
 import numpy.typing as npt
+import pytest
 from hypothesis import given
 
-from sgbd.adjacency import border_pairs, bounding_box_pairs
+from sgbd.adjacency import border_pairs, bounding_box_pairs, checked_pairs
 from tests.label_maps import label_maps
 
 
@@ -44,3 +45,27 @@ def test_bounding_box_pairs_against_explicit_boxes(label_map: npt.NDArray[np.int
     assert pairs == expected
     # Every true neighbour is among them.
     assert all(pair in pairs for pair in border_pairs(label_map).T.tolist())
+
+
+@pytest.mark.parametrize(
+    ("found", "message"),
+    [
+        ([[1, 2], [0, 1]], r"superpixels 0 to 2 with i < j; got \(1, 0\)"),
+        ([[0, 1], [1, 1]], r"got \(1, 1\)"),
+        ([[0, 1], [1, 3]], r"got \(1, 3\)"),
+        ([[-1], [1]], r"got \(-1, 1\)"),
+        ([[0, 0, 1], [1, 1, 2]], r"every pair once; got \(0, 1\) several times"),
+        ([[0, 1], [1, 2], [0, 2]], r"shape \[2, E\]; got int64 of shape \[3, 2\]"),
+        ([[0.0], [1.0]], r"got float64 of shape \[2, 1\]"),
+    ],
+)
+def test_wrong_pairs_of_a_users_adjacency_are_refused(found: list[list[int]], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        checked_pairs(found, 3)
+
+
+def test_right_pairs_of_a_users_adjacency_are_int64_in_their_order() -> None:
+    pairs = checked_pairs(np.array([[1, 0], [2, 2]], np.int32), 3)
+    assert pairs.dtype == np.int64
+    assert pairs.tolist() == [[1, 0], [2, 2]]
+    assert checked_pairs(np.zeros((2, 0)), 3).dtype == np.int64

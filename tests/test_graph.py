@@ -87,6 +87,11 @@ def test_a_function_named_by_a_bare_partial_is_that_function() -> None:
     assert GraphBuilder(functools.partial(bounding_box_pairs)).adjacency is bounding_box_pairs
 
 
+def test_pairs_in_the_wrong_direction_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"with i < j; got \(1, 0\)"):
+        build_graph(_frame(None), LABEL_MAP, lambda label_map: border_pairs(label_map)[::-1])
+
+
 def test_categories_are_positions_in_the_list_of_names() -> None:
     frame = _frame(_instances(2, 2, 3, 3, 1, 1), {2: "mug", 3: "can"})
     data = GraphBuilder()(frame, LABEL_MAP, ("bag", "can", "mug"))
