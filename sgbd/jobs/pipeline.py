@@ -16,6 +16,7 @@ from sgbd.jobs.own_classes import require_kind
 from sgbd.node_block import NodeBlock
 from sgbd.node_block_cache import node_block_folder, prepare_node_block
 from sgbd.preparation import prepare
+from sgbd.recipe import graph_recipe
 from sgbd.sources import FrameSource
 
 if TYPE_CHECKING:
@@ -77,18 +78,33 @@ def prepare_splits(config: DictConfig, splits: Sequence[str], block: NodeBlock |
 
     Returns:
         The recipe folder, which contains a folder for each split.
+
+    Raises:
+        ConfigurationError: If the splits have different recipes, because a dataset's options depend on its split.
     """
     workers = count_workers(config.workers)
     superpixels, graph = instantiate(config.superpixels), instantiate(config.graph)
-    folders = []
-    for split in splits:
-        source = frame_source(config.dataset, workers, split)
+    sources = [frame_source(config.dataset, workers, split) for split in splits]
+    _check_same_recipe(sources, superpixels, graph)
+    for source in sources:
         folder = prepare(source, superpixels, graph, config.cache_dir, workers=workers, on_error=config.on_error)
         if block is not None:
             prepare_node_block(folder, source, block)
-        folders.append(folder)
-    # All splits of a dataset have the same recipe, and thus the same folder.
-    return folders[-1]
+    return folder
+
+
+def _check_same_recipe(sources: Sequence[FrameSource], superpixels: object, graph: object) -> None:
+    """Reject splits that would be prepared in different folders, in which the training would not find them."""
+    recipes = [graph_recipe(source, superpixels, graph)["dataset"] for source in sources]
+    for source, recipe in zip(sources, recipes, strict=True):
+        different = [key for key in recipe if recipe[key] != recipes[0][key]]
+        if different:
+            changes = "; ".join(f"{key} is {recipes[0][key]} and {recipe[key]}" for key in different)
+            raise ConfigurationError(
+                f"{type(source).__name__} must read all splits in the same way, but from {sources[0].split} to "
+                f"{source.split} its {changes}. In a dataset class of your own, root, options(), category_names and "
+                "seen must not depend on the split; with labels=auto, state the meaning of the labels instead."
+            )
 
 
 def open_graphs(

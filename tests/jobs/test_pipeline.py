@@ -1,7 +1,7 @@
 from pathlib import Path
 
 import pytest
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 
 from sgbd.jobs.configuration import ConfigurationError
 from sgbd.jobs.pipeline import frame_source, prepare_splits
@@ -32,17 +32,38 @@ def test_a_value_that_a_dataset_within_another_one_lacks_is_named() -> None:
         frame_source(config.dataset, 0)
 
 
-def test_all_splits_share_a_folder(tmp_path: Path) -> None:
-    config = OmegaConf.create(
+class RootOfSplit(Scenes):
+    """A dataset whose root is the folder of its split."""
+
+    @property
+    def root(self) -> str:
+        return f"/data/{self.split}"
+
+
+def preparation(folder: Path, dataset: str) -> DictConfig:
+    return OmegaConf.create(
         {
-            "dataset": {"_target_": "tests.scenes.Scenes"},
+            "dataset": {"_target_": dataset},
             "superpixels": {"_target_": "sgbd.superpixels.Slic", "n_segments": 16},
             "graph": {"_target_": "sgbd.graph.GraphBuilder"},
-            "cache_dir": str(tmp_path),
+            "cache_dir": str(folder),
             "workers": 0,
             "on_error": "fail",
         }
     )
-    folder = prepare_splits(config, ["val", "test"])
+
+
+def test_splits_that_would_not_share_a_folder_are_refused(tmp_path: Path) -> None:
+    config = preparation(tmp_path / "graphs", f"{__name__}.RootOfSplit")
+    with pytest.raises(
+        ConfigurationError,
+        match=r"from val to test its root is /data/val and /data/test\. .* must not depend on the split",
+    ):
+        prepare_splits(config, ["val", "test"])
+    assert not (tmp_path / "graphs").exists()
+
+
+def test_all_splits_share_a_folder(tmp_path: Path) -> None:
+    folder = prepare_splits(preparation(tmp_path, "tests.scenes.Scenes"), ["val", "test"])
     assert folder.parent == tmp_path
     assert sorted(path.parent.name for path in folder.glob("*/index.json")) == ["test", "val"]
