@@ -132,24 +132,30 @@ class AgglomeratedGraph:
         else:
             self.bind(first_stage if isinstance(first_stage, Checkpoint) else Checkpoint.load(first_stage))
 
-    def bind(self, checkpoint: Checkpoint) -> None:
+    def bind(self, checkpoint: Checkpoint, trust: Sequence[str] = ()) -> None:
         """Provide the checkpoint of the first stage.
 
         Args:
             checkpoint: The checkpoint; it needs an objectness head.
+            trust: Names of packages besides `sgbd` whose classes its recipe may name.
 
         Raises:
-            sgbd.checkpoint.CheckpointError: If its digest differs from the recipe's, or it has no objectness head.
+            sgbd.checkpoint.CheckpointError: If its digest differs from the recipe's, it has no objectness head or two
+                stages itself, or a class of its recipe is not trusted.
         """
-        digest = f"sha256:{hashlib.sha256(checkpoint.to_bytes()).hexdigest()}"
+        digest = digest_of(checkpoint)
         named = getattr(self, "first_stage", digest)
         if named != digest:
             raise CheckpointError(f"the recipe names a first stage {named}, but this one is {digest}")
         if checkpoint.objectness is None:
             raise CheckpointError("a first stage needs an objectness head: train it with objectness=mlp")
+        if checkpoint.first_stage is not None:
+            raise CheckpointError(
+                "this checkpoint has two stages itself; give the one that was graph.first_stage in its training"
+            )
         self.first_stage = digest
         self.checkpoint = checkpoint
-        self._segmenter = Segmenter(checkpoint)
+        self._segmenter = Segmenter(checkpoint, trust=trust)
         self._partition = GreedyMulticut(self.threshold)
 
     def __call__(
@@ -218,6 +224,11 @@ class AgglomeratedGraph:
         graph["border_length"] = np.sqrt(pixels[wanted].min(0)).astype(np.float32)
         graph["node_of_superpixel"] = segment
         return graph
+
+
+def digest_of(checkpoint: Checkpoint) -> str:
+    """Return what stands for a first stage in a recipe: "sha256:" and the digest of the checkpoint's content."""
+    return f"sha256:{hashlib.sha256(checkpoint.to_bytes()).hexdigest()}"
 
 
 class Samples:

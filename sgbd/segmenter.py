@@ -76,7 +76,7 @@ class Segmenter:
         self.superpixels: Superpixels = instantiate(recipe.get("superpixels"), object, trust)  # type: ignore[assignment]
         self.graph: GraphBuilder = instantiate(recipe.get("graph"), object, trust)  # type: ignore[assignment]
         if checkpoint.first_stage is not None:
-            self.graph.bind(checkpoint.first_stage)  # type: ignore[attr-defined]
+            self.graph.bind(checkpoint.first_stage, trust)  # type: ignore[attr-defined]
         self.partition: Partitioner = (
             instantiate(recipe.get("partition"), object, trust) if partition is None else partition  # type: ignore[assignment]
         )

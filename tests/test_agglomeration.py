@@ -280,6 +280,11 @@ def test_a_first_stage_needs_an_objectness_head() -> None:
         AgglomeratedGraph(checkpoint(GraphBuilder(), head=False))
 
 
+def test_a_model_of_two_stages_is_no_first_stage(first: Checkpoint, graph: AgglomeratedGraph) -> None:
+    with pytest.raises(CheckpointError, match=r"has two stages itself; give the one that was graph\.first_stage"):
+        AgglomeratedGraph(checkpoint(graph, first))
+
+
 @pytest.mark.parametrize("change", [{"threshold": 1.0}, {"reach": -1.0}, {"min_objectness": 2.0}, {"min_area": -1}])
 def test_numbers_out_of_range_are_refused(first: Checkpoint, change: dict) -> None:
     with pytest.raises(ValueError, match="must lie between"):

@@ -166,6 +166,10 @@ def test_classes_of_ones_own_go_through_every_command(
     assert command("train", *data, *chosen, "hydra.run.dir=trained") == 0
     assert command("evaluate", *data, "checkpoint=trained", "trust=things_of_ones_own", "hydra.run.dir=scored") == 0
     assert (tmp_path / "scored" / "scores.json").read_text() == (tmp_path / "trained" / "scores.json").read_text()
+    second = ("superpixels=mine", "graph=agglomerated", "graph.first_stage=trained", *chosen[-3:])
+    assert command("train", *data, *second, "hydra.run.dir=second") == 0
+    assert command("evaluate", *data, "checkpoint=second", "trust=things_of_ones_own", "hydra.run.dir=scored2") == 0
+    assert (tmp_path / "scored2" / "scores.json").read_text() == (tmp_path / "second" / "scores.json").read_text()
     predicted = (f"rgb={frames / 'test'}", "checkpoint=trained", "output=predicted")
     assert command("predict", *predicted, "trust=[things_of_ones_own]") == 0
     assert len(list((tmp_path / "predicted").glob("*.json"))) == 2

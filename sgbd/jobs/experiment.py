@@ -21,7 +21,7 @@ from sgbd.features import edge_columns, node_columns
 from sgbd.jobs.configuration import ConfigurationError, count_workers
 from sgbd.jobs.own_classes import require_call, require_kind
 from sgbd.jobs.pipeline import frame_source, open_graphs, prepare_splits, splits_of
-from sgbd.jobs.untrained import configured_block, trusted_packages, untrained_checkpoint
+from sgbd.jobs.untrained import configured_block, configured_graph, trusted_packages, untrained_checkpoint
 from sgbd.machine.atomic_file import write_whole
 from sgbd.models import EdgeClassifier, ObjectnessHead
 from sgbd.node_block import split_groups
@@ -110,8 +110,9 @@ def _check(config: DictConfig) -> None:
     for key, protocol in (("partition", Partitioner), ("sampler", EdgeSampler)):
         require_call(instantiate(config[key]), protocol, key)
     require_kind(instantiate(config.objects), ObjectRule, "objects")
-    for group in (config.trainer, config.superpixels, config.graph):
+    for group in (config.trainer, config.superpixels):
         instantiate(group)
+    configured_graph(config)
     if config.tuning is not None:
         instantiate(config.tuning)
 

@@ -13,6 +13,7 @@ from sgbd.data import SuperpixelGraphDataset
 from sgbd.evaluation import with_truth
 from sgbd.jobs.configuration import ConfigurationError, count_workers
 from sgbd.jobs.own_classes import require_kind
+from sgbd.jobs.untrained import configured_graph
 from sgbd.node_block import NodeBlock
 from sgbd.node_block_cache import node_block_folder, prepare_node_block
 from sgbd.preparation import prepare
@@ -83,7 +84,7 @@ def prepare_splits(config: DictConfig, splits: Sequence[str], block: NodeBlock |
         ConfigurationError: If the splits have different recipes, because a dataset's options depend on its split.
     """
     workers = count_workers(config.workers)
-    superpixels, graph = instantiate(config.superpixels), instantiate(config.graph)
+    superpixels, graph = instantiate(config.superpixels), configured_graph(config)
     sources = [frame_source(config.dataset, workers, split) for split in splits]
     _check_same_recipe(sources, superpixels, graph)
     for source in sources:

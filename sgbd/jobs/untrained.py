@@ -8,7 +8,8 @@ from typing import Any
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 
-from sgbd.checkpoint import Checkpoint
+from sgbd.agglomeration import AgglomeratedGraph, digest_of
+from sgbd.checkpoint import Checkpoint, find_checkpoint
 from sgbd.features import EDGE_GROUPS, NODE_GROUPS, edge_columns, node_columns
 from sgbd.jobs.configuration import ConfigurationError
 from sgbd.node_block import NodeBlock, required_block, split_groups
@@ -17,6 +18,8 @@ from sgbd.recipe import describe
 
 GROUPS = ("superpixels", "graph", "model", "objectness", "partition", "objects")
 """Configuration groups from which a checkpoint's recipe is made, besides the features."""
+
+_AGGLOMERATED = f"{AgglomeratedGraph.__module__}.{AgglomeratedGraph.__qualname__}"
 
 
 def untrained_checkpoint(config: DictConfig) -> Checkpoint:
@@ -37,7 +40,7 @@ def untrained_checkpoint(config: DictConfig) -> Checkpoint:
         "node": _groups(config.features.node, NODE_GROUPS),
         "edge": _groups(config.features.edge, EDGE_GROUPS),
     }
-    graph = instantiate(config.graph)
+    graph = configured_graph(config)
     own = own_columns(graph)
     block = configured_block(config)
     stored, _ = split_groups(features["node"])
@@ -76,6 +79,27 @@ def _check_superpixels(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> No
             f"the first stage was trained on other superpixels: {changes}. Choose the same ones for the second stage "
             "(superpixels=...)."
         )
+
+
+def configured_graph(config: DictConfig) -> Any:
+    """Return the configured graph builder.
+
+    A first stage may be a checkpoint file or the folder of a training, and name classes of `trusted_packages`.
+
+    Args:
+        config: A configuration with `graph` and `output_dir`.
+
+    Raises:
+        sgbd.checkpoint.CheckpointError: If a first stage cannot be read.
+    """
+    first_stage = config.graph.get("first_stage")
+    if config.graph._target_ != _AGGLOMERATED or not isinstance(first_stage, str):
+        return instantiate(config.graph)
+    trust = trusted_packages(config)
+    checkpoint = Checkpoint.load(find_checkpoint(first_stage, config.output_dir), trust)
+    graph: AgglomeratedGraph = instantiate(config.graph, first_stage=digest_of(checkpoint))
+    graph.bind(checkpoint, trust)
+    return graph
 
 
 def configured_block(config: DictConfig) -> NodeBlock | None:
