@@ -311,7 +311,8 @@ def test_a_disk_that_is_full_in_training_costs_no_finished_epoch(
     here = (*SMALL, f"dataset.root={frames}", "workers=0", "pictures=0")
     assert command("train", *here, "hydra.run.dir=whole") == 0
     # The disk gets full at successively later steps.
-    for file in ("checkpoint.safetensors", "state.pt", "curves.png", "frames.csv", "result.json"):
+    in_training = ("checkpoint.safetensors", "state.pt", "history.csv", "history.csv")
+    for file in (*in_training, "curves.png", "frames.csv", "result.json"):
         full_after(f".{file}.")
         assert command("train", *here, "hydra.run.dir=broken") == 1
         told = capsys.readouterr().err
@@ -322,6 +323,7 @@ def test_a_disk_that_is_full_in_training_costs_no_finished_epoch(
     assert command("train", *here, "hydra.run.dir=broken") == 0
     for same in ("checkpoint.safetensors", "scores.json"):
         assert (tmp_path / "whole" / same).read_bytes() == (tmp_path / "broken" / same).read_bytes()
+    assert pd.read_csv(tmp_path / "broken" / "history.csv")["epoch"].tolist() == [1, 2]
 
 
 @pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="tells files by their descriptors as Linux does")

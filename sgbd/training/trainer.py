@@ -2,7 +2,7 @@
 
 `Trainer.train` checks its input, surveys the graphs and starts Fabric, which runs `_run` in every process.
 `_train_epoch` trains one epoch. `_finish_epoch` follows in the first process only: it writes the best checkpoint, the
-state from which training resumes, and the table of epochs.
+table of epochs, and the state from which training resumes.
 """
 
 from __future__ import annotations
@@ -415,8 +415,8 @@ class Trainer:
             batch = next(iterator, None)
             if batch is None:
                 return None
-            drawn = sampler(batch, generator)
-            return drawn if self.augmentation is None else self.augmentation(drawn, generator)
+            drawn = _checked(sampler(batch, generator), "sampler")
+            return drawn if self.augmentation is None else _checked(self.augmentation(drawn, generator), "augmentation")
 
         for drawn in one_ahead(next_batch):
             recent += self._step(fabric, learner, drawn)
@@ -511,8 +511,9 @@ class Trainer:
         bar.set_postfix_str(summary)
         log.info("epoch %d of %d: %s", epoch, self.epochs, summary)
         state |= {"epoch": epoch, **learner.state(), "finished": stop or epoch == self.epochs}
-        write_state(folder / STATE_FILE, state)
+        # The state comes last: an epoch that it counts is not repeated, so nothing written after it would be either.
         write_whole(folder / HISTORY_FILE, pd.DataFrame(state["history"]).to_csv(index=False).encode())
+        write_state(folder / STATE_FILE, state)
         return stop
 
     def _keep_best(
@@ -568,6 +569,15 @@ class Trainer:
             for section in IDENTIFYING_SECTIONS
             if section in recipe
         }
+
+
+def _checked(drawn: Data | None, part: str) -> Data:
+    """Return what a sampler or an augmentation made of a batch; raise if there is nothing to train on in it."""
+    if drawn is None:  # would end the epoch
+        raise TrainingError(f"the {part} must return the batch to train on; it returned None")
+    if drawn.edge_label.numel() == 0:  # would make the loss NaN
+        raise TrainingError(f"the {part} left no pair to train on in a batch that has labelled pairs")
+    return drawn
 
 
 def _described(part: object) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import logging
 import math
@@ -436,6 +437,23 @@ def test_a_loss_that_explodes_is_named_and_finished_epochs_stay(tmp_path: Path) 
     with pytest.raises(TrainingError, match=r"loss became nan in epoch 2, step 1 to 3.*trainer\.optimizer\.lr"):
         trainer.train(Exploding(), GRAPHS, sampler=BalancedEdgeSampler(16), folder=tmp_path, recipe=recipe)
     assert torch.load(tmp_path / "state.pt", weights_only=True)["epoch"] == 1
+
+
+def test_a_sampler_or_augmentation_without_a_result_is_told(tmp_path: Path) -> None:
+    def nothing(batch: Data, generator: Generator) -> Any:
+        return None
+
+    def no_pairs(batch: Data, generator: Generator) -> Data:
+        drawn = copy.copy(batch)
+        drawn.edge_label, drawn.edge_label_index = batch.edge_label[:0], batch.edge_label_index[:, :0]
+        return drawn
+
+    with pytest.raises(TrainingError, match="the sampler must return the batch to train on; it returned None"):
+        run(tmp_path, sampler=nothing)
+    with pytest.raises(TrainingError, match="the sampler left no pair to train on"):
+        run(tmp_path, sampler=no_pairs)
+    with pytest.raises(TrainingError, match="the augmentation must return the batch"):
+        run(tmp_path, Trainer(epochs=1, progress=False, augmentation=nothing))
 
 
 def test_validation_without_the_monitored_score(tmp_path: Path) -> None:
