@@ -45,7 +45,8 @@ distclean: clean ## Remove .venv as well
 $(INSTALLED): pyproject.toml constraints.txt
 	@command -v $(PYTHON) >/dev/null || { echo "$(PYTHON) was not found. Install Python 3.11 or later, or name it: make PYTHON=/path/to/python3.12"; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or later is needed; $(PYTHON) is $$($(PYTHON) -V 2>&1). Name another: make PYTHON=python3.12"; exit 1; }
-	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+# Debian's Python without python3-venv leaves a .venv without pip behind: that one is made again.
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv $(VENV)
 	@echo "Installing into $(VENV); this takes some minutes the first time"
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[synthetic,pcd,video,dino,analysis,export,dev]'
 	@touch $@

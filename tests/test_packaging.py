@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -52,6 +53,21 @@ def test_the_wheel_holds_package_configuration_and_licence(wheel):
     assert "sgbd/pretrained/sgbd.safetensors" in names
     assert any(name.endswith("licenses/LICENSE") for name in names)
     assert {name.split("/")[0] for name in names} == {"sgbd", next(n for n in names if "dist-info" in n).split("/")[0]}
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="there is no make")
+def test_make_repairs_an_environment_without_pip(tmp_path):
+    # Debian's Python leaves such a one behind if the package python3-venv is missing.
+    for name in ("Makefile", "pyproject.toml", "constraints.txt"):
+        shutil.copy(ROOT / name, tmp_path)
+    scripts = {".venv/bin/python": "exit 1", "python3": "if [ $2 = venv ]; then echo '#!/bin/sh' >.venv/bin/python; fi"}
+    for name, script in scripts.items():
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"#!/bin/sh\n{script}\n")
+        path.chmod(0o755)
+    done = run("make", "install", f"PYTHON={tmp_path / 'python3'}", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 MODEL = """
