@@ -22,7 +22,7 @@ MILLIMETERS = 0.001
 NEAREST = 0.01
 """Metres. If most of a frame is nearer, its depth is in another unit: no depth camera measures that near."""
 FARTHEST = 100.0
-"""Metres. If most of a frame is farther away, its depth is in another unit."""
+"""Metres. If most of a frame is farther away, its depth is in another unit; single pixels beyond are missing."""
 USUAL = (0.2, 10.0)
 """Metres. If most of a frame is outside this range, its depth is probably in another unit."""
 
@@ -82,8 +82,8 @@ class Frame:
 
     Attributes:
         rgb: uint8 [H, W, 3], 0 to 255.
-        depth: float32 [H, W], metres along the optical axis; 0 = missing. On construction, unsigned integers are
-            taken as millimetres and floats as metres, and NaN, infinite and negative values become 0.
+        depth: float32 [H, W], metres along the optical axis; 0 = missing. On construction, integers are taken as
+            millimetres and floats as metres, and NaN, infinite, negative values and those beyond 100 m become 0.
         intrinsics: The camera; None if unknown.
         instances: int32 [H, W]: -1 ignore, 0 background, 1 supporting surface, 2 and more objects.
         categories: Category name of each instance id.
@@ -204,8 +204,9 @@ def _checked_depth(depth: npt.ArrayLike, shape: tuple[int, ...], label: str) -> 
         )
     if 2 * max(np.count_nonzero(valid & (meters < USUAL[0])), np.count_nonzero(valid & (meters > USUAL[1]))) > count:
         _judge_unit(float(np.median(meters[valid])), label)
-    if count < meters.size and array.dtype.kind != "u":
-        meters[~valid] = 0
+    if array.dtype.kind != "u":
+        # Renderers and stereo matchers mark pixels without a surface with a large number, such as 1e10 or 10000.
+        meters[~(valid & (meters <= FARTHEST))] = 0
     return np.ascontiguousarray(meters)
 
 
@@ -219,7 +220,7 @@ def _judge_unit(median: float, label: str) -> None:
     if median > FARTHEST:
         raise FrameError(
             f"{label}: the median depth is {median:.0f} m. "
-            "Floats are taken as metres: divide millimetres by 1000, centimetres by 100."
+            "Floats are taken as metres: divide millimetres by 1000, centimetres by 100. Set missing depth to 0."
         )
     if not _told_of_unit:
         _told_of_unit.append(label)

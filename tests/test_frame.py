@@ -46,6 +46,12 @@ def test_invalid_depth_becomes_missing() -> None:
     assert Frame(rgb(1, 6), depth).depth.tolist() == [[0, 0, 0, 0, 0, 2]]
 
 
+def test_depth_that_no_camera_measures_becomes_missing() -> None:
+    # What Blender, OpenCV and PCL write for pixels without a surface.
+    depth = np.array([[2.0, 100.0, 3.0, 2.0, 1e10, 10_000.0, 3.4028235e38]], np.float32)
+    assert Frame(rgb(1, 7), depth).depth.tolist() == [[2, 100, 3, 2, 0, 0, 0]]
+
+
 @given(
     arrays.arrays(
         np.float32,
