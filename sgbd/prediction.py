@@ -304,6 +304,14 @@ def write_segmentation(frame: Frame, segmentation: Segmentation, folder: Path, d
         draw: Whether to write the overlay, which takes as long as the segmentation.
     """
     stem = _file_stem(frame.name)
+    description = {
+        "name": frame.name,
+        "width": frame.width,
+        "height": frame.height,
+        "objects": objects_as_json(segmentation),
+    }
+    # First, so that the label image of an interrupted prediction is not taken for one of the frame's own.
+    write_whole(folder / f"{stem}.json", json.dumps(description, indent=1).encode())
     labels = segmentation.instances.astype(np.uint16)
     write_whole(folder / f"{stem}_labels.png", iio.imwrite("<bytes>", labels, extension=".png"))
     if draw:
@@ -311,13 +319,6 @@ def write_segmentation(frame: Frame, segmentation: Segmentation, folder: Path, d
         # With default compression, encoding would take longer than the segmentation, and the file is hardly smaller.
         encoded = iio.imwrite("<bytes>", picture, extension=".png", compress_level=1, compress_type=zlib.Z_HUFFMAN_ONLY)
         write_whole(folder / f"{stem}_overlay.png", encoded)
-    description = {
-        "name": frame.name,
-        "width": frame.width,
-        "height": frame.height,
-        "objects": objects_as_json(segmentation),
-    }
-    write_whole(folder / f"{stem}.json", json.dumps(description, indent=1).encode())
 
 
 def _file_stem(name: str) -> str:

@@ -6,6 +6,7 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
+from sgbd import prediction
 from sgbd.frame import Frame, FrameError, Intrinsics
 from sgbd.machine import one_ahead
 from sgbd.prediction import (
@@ -120,6 +121,22 @@ def test_label_images_beside_the_frames_are_told_unless_they_were_predicted(tmp_
         (folder / "a_labels.png").write_bytes(b"")
     assert label_images_in_the_way(frames, tmp_path / "out" / "..") == [tmp_path / "out" / ".." / "a_labels.png"]
     assert label_images_in_the_way(frames, tmp_path / "out") == []
+
+
+def test_label_images_of_an_interrupted_prediction_are_not_in_the_way(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _write(scene(0), tmp_path / "a_rgb.png", tmp_path / "a_depth.png")
+    frames = RecordedFrames(tmp_path)
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(prediction, "overlay", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        write_segmentation(Frame(scene(0).rgb, scene(0).depth, name="a"), _segmentation(), tmp_path)
+    assert (tmp_path / "a_labels.png").is_file()
+    assert label_images_in_the_way(frames, tmp_path) == []
 
 
 def test_overlays_can_be_left_out(tmp_path: Path) -> None:

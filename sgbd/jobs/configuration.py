@@ -187,6 +187,8 @@ def _how_to_continue() -> str:
     """Return a message that says how to resume an interrupted job."""
     kept = "What is finished is kept; "
     settings = HydraConfig.get() if HydraConfig.initialized() else None
+    if settings is not None and settings.job.name == "predict":
+        return "The results of the frames so far are kept; repeating the command segments all frames again."
     if settings is None or settings.mode != RunMode.RUN or settings.job.name != "train":
         return kept + "repeat the command to go on."
     own = [source.path for source in settings.runtime.config_sources if source.provider == "command-line"]

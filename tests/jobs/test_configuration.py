@@ -406,6 +406,15 @@ def test_the_command_to_go_on_with_names_options_and_a_folder_of_ones_own(tmp_pa
     assert OmegaConf.create(again.stdout).hydra.run.dir.startswith(f"{tmp_path}/it's (mine)/train/")
 
 
+def test_a_prediction_that_broke_off_does_not_claim_to_go_on(tmp_path):
+    told = 'raise OSError(28, "No space left on device", "a.json")'
+    (tmp_path / "predict.py").write_text(PROGRAM.replace('"prepare"', '"predict"').replace("time.sleep(600)", told))
+    command = [sys.executable, "predict.py"]
+    failed = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    assert "while writing a.json. Make room. The results of the frames so far are kept" in failed.stderr
+    assert "go on" not in failed.stderr
+
+
 def test_a_single_name_needs_no_brackets(tmp_path):
     (tmp_path / "program.py").write_text(PROGRAM.replace("time.sleep(600)", "print(list(config.splits))"))
     command = [sys.executable, "program.py", "splits=train"]
