@@ -173,6 +173,10 @@ class Checkpoint:
             modules.append((_OBJECTNESS, objectness))
         for prefix, module in modules:
             weights = {key.removeprefix(prefix): value for key, value in tensors.items() if key.startswith(prefix)}
+            # A new module has PyTorch's default dtype, which the program may have changed for other networks.
+            for key, value in module.state_dict(keep_vars=True).items():
+                if weights.get(key, value).dtype == torch.float32 != value.dtype:
+                    value.data = value.data.float()
             try:
                 module.load_state_dict(weights)
             except RuntimeError as error:

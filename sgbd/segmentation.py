@@ -52,9 +52,12 @@ def classify(model: nn.Module, objectness: nn.Module | None, data: Data | GraphT
     def probability(logits: Tensor) -> npt.NDArray[np.float32]:
         return torch.sigmoid(logits).float().cpu().numpy()
 
+    device = _device_of(model)
     # PyG moves a graph in place, so move a shallow copy.
-    moved = copy.copy(data).to(_device_of(model))
-    return Classification(probability(model(moved)), None if objectness is None else probability(objectness(moved)))
+    moved = copy.copy(data).to(device)
+    # A caller's autocast, meant for other networks, must not lower the precision.
+    with torch.autocast(device.type, enabled=False):
+        return Classification(probability(model(moved)), None if objectness is None else probability(objectness(moved)))
 
 
 def _device_of(model: nn.Module) -> torch.device:

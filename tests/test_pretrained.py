@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 import sgbd.checkpoint
 from sgbd import Segmenter
@@ -48,6 +49,23 @@ def test_boxes_on_a_table_are_found(segmenter: Segmenter) -> None:
 def test_objects_of_real_frames_are_found(segmenter: Segmenter, shared_data: Path) -> None:
     frames = Folder(shared_data / "mosd_learn", intrinsics=CAMERA)
     assert np.mean([overlap_f(segmenter, frames[index]) for index in (0, 10, 20)]) > 0.85
+
+
+def test_what_a_program_sets_in_pytorch_for_other_networks_changes_nothing(segmenter: Segmenter) -> None:
+    frame = desk()
+    expected = segmenter.segment_frame(frame)
+    with torch.autocast("cpu"):
+        in_autocast = segmenter.segment_frame(frame)
+    with torch.device("meta"):  # stands for a GPU
+        with_a_default_device = segmenter.segment_frame(frame)
+    torch.set_default_dtype(torch.float64)
+    try:
+        with_a_default_dtype = Segmenter.pretrained().segment_frame(frame)
+    finally:
+        torch.set_default_dtype(torch.float32)
+    for result in (in_autocast, with_a_default_device, with_a_default_dtype):
+        assert (result.instances == expected.instances).all()
+        assert result.scores.tolist() == expected.scores.tolist()
 
 
 def test_its_partition_and_rule_can_be_replaced() -> None:

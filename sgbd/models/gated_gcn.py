@@ -113,7 +113,7 @@ class GatedGCN(GatedNetwork):
         # The compiled loop needs the edges sorted by the node where they end.
         neighbor, center = edge_index
         order = torch.argsort(center, stable=True)
-        first = torch.zeros(x.size(0) + 1, dtype=torch.int64)
+        first = center.new_zeros(x.size(0) + 1)
         torch.cumsum(torch.bincount(center, minlength=x.size(0)), 0, out=first[1:])
         nodes, edges = self.pass_messages_compiled(
             x, edge_attr.index_select(0, order), first, neighbor.index_select(0, order)
