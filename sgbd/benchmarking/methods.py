@@ -42,7 +42,11 @@ def make_method(name: str, config: DictConfig, n: int) -> Method:
         return lambda raw: reference(raw.frame())
     if name == SCIKIT_IMAGE:
         return lambda raw: scikit_image_superpixels(raw.frame(), n)
-    chosen = configured_segmenter(config if name == OURS else with_option(config, name), n)
+    if name == OURS:
+        chosen = configured_segmenter(config, n)
+    else:
+        changed = with_option(config, name)
+        chosen = configured_segmenter(changed, n, changed.superpixels)
     return lambda raw: chosen.segment(raw.rgb, raw.depth, raw.intrinsics)
 
 
@@ -57,7 +61,8 @@ def with_option(config: DictConfig, name: str) -> DictConfig:
         A changed copy.
 
     Raises:
-        ConfigurationError: If there is no such option, or the model comes from a checkpoint.
+        ConfigurationError: If there is no such option, or a checkpoint determines that group, as it does all but the
+            superpixels.
     """
     loader = GlobalHydra.instance().config_loader()
     group, slash, option = name.partition("/")

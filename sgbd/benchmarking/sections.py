@@ -200,7 +200,7 @@ class Benchmark:
         # Fewer frames are enough here: scikit-image takes as long for them as we take for all.
         few = self._files(max(1, self.extent.prepare_frames // 8))
         other = with_option(self.config, SCIKIT_IMAGE_SUPERPIXELS)
-        chosen = configured_segmenter(other, n)
+        chosen = configured_segmenter(other, n, other.superpixels)
         self._warm_up(chosen)
         rows.append(measure_preparation(few, chosen, 0, self._folder("caches"), progress)[0])
         self.report.add("prepare", f"PNG files to cached graphs, {self.size}, n={n}", rows)

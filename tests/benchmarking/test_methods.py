@@ -57,6 +57,16 @@ def test_a_checkpoint_is_measured_as_it_is(tmp_path):
                 with_option(config, "model/mlp")
 
 
+def test_other_superpixels_take_the_place_of_a_checkpoints(tmp_path):
+    raw, path = made_up_scene(64, 48, 0), tmp_path / "checkpoint.safetensors"
+    with small_benchmark("features=all") as config:
+        expected = make_method("slic_reference", config, 16)(raw).superpixels
+        configured_checkpoint(config).save(path)
+    with small_benchmark(f"checkpoint={path}") as config:
+        assert np.array_equal(make_method("slic_reference", config, 16)(raw).superpixels, expected)
+        assert not np.array_equal(make_method("ours", config, 16)(raw).superpixels, expected)
+
+
 def test_untrained_weights_are_fixed_by_the_seed():
     weights = []
     for seed in (0, 0, 1):
