@@ -22,9 +22,10 @@ MILLIMETERS = 0.001
 NEAREST = 0.01
 """Metres. If most of a frame is nearer, its depth is in another unit: no depth camera measures that near."""
 FARTHEST = 100.0
-"""Metres. If most of a frame is farther away, its depth is in another unit; single pixels beyond are missing."""
+"""Metres. If most of a frame is farther away, its depth is in another unit."""
 USUAL = (0.2, 10.0)
-"""Metres. If most of a frame is outside this range, its depth is probably in another unit."""
+"""Metres. If most of a frame is outside this range, its depth is probably in another unit. If less is beyond its end,
+that part counts as missing."""
 
 
 log = logging.getLogger(__name__)
@@ -83,7 +84,8 @@ class Frame:
     Attributes:
         rgb: uint8 [H, W, 3], 0 to 255.
         depth: float32 [H, W], metres along the optical axis; 0 = missing. On construction, integers are taken as
-            millimetres and floats as metres, and NaN, infinite, negative values and those beyond 100 m become 0.
+            millimetres and floats as metres. NaN, infinite and negative values become 0, and so does what is beyond
+            10 m in a frame that is mostly nearer.
         intrinsics: The camera; None if unknown.
         instances: int32 [H, W]: -1 ignore, 0 background, 1 supporting surface, 2 and more objects.
         categories: Category name of each instance id.
@@ -202,11 +204,15 @@ def _checked_depth(depth: npt.ArrayLike, shape: tuple[int, ...], label: str) -> 
             f"{label}: every depth value is missing (0, negative, NaN or infinite). "
             "Check the sensor stream and the unit: floats are metres, integers millimetres."
         )
-    if 2 * max(np.count_nonzero(valid & (meters < USUAL[0])), np.count_nonzero(valid & (meters > USUAL[1]))) > count:
+    near, far = np.count_nonzero(valid & (meters < USUAL[0])), np.count_nonzero(valid & (meters > USUAL[1]))
+    if 2 * max(near, far) > count:
         _judge_unit(float(np.median(meters[valid])), label)
-    if array.dtype.kind != "u":
-        # Renderers and stereo matchers mark pixels without a surface with a large number, such as 1e10 or 10000.
-        meters[~(valid & (meters <= FARTHEST))] = 0
+    # Features are relative to the farthest pixel. So one wild pixel of a stereo camera at 60 m, or a background that a
+    # renderer marks with 1e10, would make all of a table equally near. Depth cameras do not measure that far.
+    if far or (count < meters.size and array.dtype.kind != "u"):
+        kept = valid & (meters <= FARTHEST)
+        usual = kept & (meters <= USUAL[1])
+        meters[~(usual if 2 * np.count_nonzero(usual) >= np.count_nonzero(kept) else kept)] = 0
     return np.ascontiguousarray(meters)
 
 

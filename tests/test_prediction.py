@@ -175,17 +175,18 @@ def test_the_lists_of_tum_come_before_folders_of_the_same_names(tmp_path: Path) 
         (tmp_path / folder).mkdir()
         iio.imwrite(tmp_path / folder / "1.png", image)
         (tmp_path / f"{folder}.txt").write_text(f"1 {folder}/1.png\n")
+    in_millimeters = Frame(scene(0).rgb, 5 * scene(0).depth).depth
     frames = find_frames(tmp_path)
     assert isinstance(frames, TumRecording)
     assert frames[0].depth == pytest.approx(scene(0).depth, abs=2e-4)
-    assert find_frames(tmp_path, depth_scale=0.001)[0].depth == pytest.approx(5 * scene(0).depth, abs=1e-3)
+    assert find_frames(tmp_path, depth_scale=0.001)[0].depth == pytest.approx(in_millimeters, abs=1e-3)
     with pytest.raises(FrameReadError, match=r"not in millimetres\. Give rgb="):
         find_frames(tmp_path / "rgb", tmp_path / "depth")
     given = find_frames(tmp_path / "rgb", tmp_path / "depth", depth_scale=0.0002)
     assert given[0].depth == pytest.approx(scene(0).depth, abs=2e-4)
     for name in ("rgb.txt", "depth.txt"):
         (tmp_path / name).unlink()
-    assert find_frames(tmp_path)[0].depth == pytest.approx(5 * scene(0).depth, abs=1e-3)
+    assert find_frames(tmp_path)[0].depth == pytest.approx(in_millimeters, abs=1e-3)
 
 
 def test_color_and_depth_sequences_are_recognised(tmp_path: Path) -> None:
