@@ -149,7 +149,8 @@ class Trainer:
         batch_size: Graphs per batch of each process.
         seed: Seed of all randomness in training; the caller initialises the weights.
         optimizer: Maps parameters to an optimiser, for example `functools.partial(torch.optim.Adam, lr=1e-3)`.
-        scheduler: Maps the optimiser to a scheduler, stepped after each epoch; None for a constant learning rate.
+        scheduler: Maps the optimiser to a scheduler, stepped after each epoch (without a score); None for a constant
+            learning rate.
         edge_loss: Maps merge logits, labels and weights of the drawn pairs to their loss.
         augmentation: Augments each batch with the epoch's generator; None for no augmentation.
         objectness_weight: Weight of the objectness loss relative to the edge loss.
@@ -555,6 +556,11 @@ class Trainer:
         }
         if self.scheduler is not None:
             scheduler = self.scheduler(optimizer)
+            if isinstance(scheduler, torch.optim.lr_scheduler.ReduceLROnPlateau):
+                raise TrainingError(
+                    "ReduceLROnPlateau needs a score at every step, but schedulers are stepped without one: choose "
+                    "another trainer.scheduler. trainer.patience stops a training that no longer improves."
+                )
             settings = {
                 key: value
                 for key, value in scheduler.state_dict().items()

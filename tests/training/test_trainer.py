@@ -372,6 +372,13 @@ def test_the_schedule_is_stepped_once_an_epoch(tmp_path: Path) -> None:
     assert result.history.lr.tolist() == [1e-3, 5e-4, 2.5e-4, 1.25e-4]
 
 
+def test_a_scheduler_that_needs_a_score_is_refused_before_training(tmp_path: Path) -> None:
+    plateau = functools.partial(torch.optim.lr_scheduler.ReduceLROnPlateau, patience=1)
+    with pytest.raises(TrainingError, match=r"ReduceLROnPlateau needs a score .* trainer\.scheduler"):
+        run(tmp_path, Trainer(epochs=2, scheduler=plateau, progress=False))
+    assert not (tmp_path / "checkpoint.safetensors").exists()
+
+
 def test_clipping_limits_the_gradient(tmp_path: Path) -> None:
     sgd = functools.partial(torch.optim.SGD, lr=1.0)
     model, _ = modules()
