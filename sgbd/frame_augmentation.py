@@ -25,6 +25,7 @@ class FrameAugmentation:
         mirror: Fraction of frames that are mirrored left to right.
         crop: A random window of at least this fraction of the width (and the same fraction of the height) is enlarged
             to the size of the frame, like a longer focal length; 1 keeps the whole frame.
+        exposure: Standard deviation of the logarithm of the gain of all colours together; bright colours are clipped.
         gain: Standard deviation of the logarithm of each colour channel's gain.
         contrast: Standard deviation of the logarithm of the exponent applied to all colours.
         color_noise: Maximum standard deviation of the noise on colours, on the scale 0 to 255.
@@ -38,6 +39,7 @@ class FrameAugmentation:
 
     mirror: float = 0.5
     crop: float = 0.6
+    exposure: float = 0.25
     gain: float = 0.12
     contrast: float = 0.15
     color_noise: float = 4.0
@@ -51,7 +53,8 @@ class FrameAugmentation:
             ValueError: If one is out of range.
         """
         shares = 0 <= self.mirror <= 1 and 0 < self.crop <= 1 and 0 <= self.holes < 1
-        if not shares or min(self.gain, self.contrast, self.color_noise, self.depth_noise) < 0:
+        strengths = self.exposure, self.gain, self.contrast, self.color_noise, self.depth_noise
+        if not shares or min(strengths) < 0:
             raise ValueError(
                 "frame augmentation: mirror must lie in 0..1, crop above 0 and at most 1, holes from 0 to below 1, and "
                 f"the rest be at least 0; got {asdict(self)}"
@@ -86,7 +89,7 @@ class FrameAugmentation:
 
     def _recolored(self, rgb: npt.NDArray[np.uint8], rng: np.random.Generator) -> npt.NDArray[np.uint8]:
         exponent = np.exp(self.contrast * rng.standard_normal())
-        gain = np.exp(self.gain * rng.standard_normal(3))
+        gain = np.exp(self.exposure * rng.standard_normal() + self.gain * rng.standard_normal(3))
         table = 255 * (np.arange(256)[:, None] / 255) ** exponent * gain
         colors = np.stack([table[rgb[..., channel], channel] for channel in range(3)], axis=-1)
         colors += rng.uniform(0, self.color_noise) * rng.standard_normal(rgb.shape)

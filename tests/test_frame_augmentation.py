@@ -10,7 +10,7 @@ import pytest
 from sgbd.frame import Frame, Intrinsics
 from sgbd.frame_augmentation import FrameAugmentation, enlarged, mirrored
 
-PLAIN = FrameAugmentation(mirror=0, crop=1, gain=0, contrast=0, color_noise=0, depth_noise=0, holes=0)
+PLAIN = FrameAugmentation(mirror=0, crop=1, exposure=0, gain=0, contrast=0, color_noise=0, depth_noise=0, holes=0)
 
 
 def frame(height: int = 40, width: int = 60) -> Frame:
@@ -91,6 +91,18 @@ def test_gains_change_channels_alone() -> None:
     changed = replace(PLAIN, gain=0.3)(gray, np.random.default_rng(1)).rgb
     assert all(len(np.unique(changed[..., channel])) == 1 for channel in range(3))
     assert len(np.unique(changed)) == 3
+
+
+def test_exposure_changes_all_channels_alike() -> None:
+    colors = replace(frame(), rgb=np.full((40, 60, 3), (40, 80, 250), np.uint8))
+    gains = []
+    for seed in range(40):
+        red, green, blue = replace(PLAIN, exposure=0.3)(colors, np.random.default_rng(seed)).rgb[0, 0].astype(int)
+        assert abs(green - 2 * red) <= 1
+        assert abs(blue - min(255, 6.25 * red)) <= 4
+        gains.append(red / 40)
+    assert 0.2 < np.std(np.log(gains)) < 0.4
+    assert 0.9 < np.median(gains) < 1.1
 
 
 def test_depth_noise_grows_with_the_square_of_the_depth() -> None:
