@@ -70,11 +70,13 @@ class Checkpoint:
     recipe: dict[str, Any] = field(default_factory=dict)
     first_stage: Checkpoint | None = None
 
-    def save(self, path: str | Path) -> Path:
+    def save(self, path: str | Path, *, half_precision: bool = False) -> Path:
         """Write the checkpoint atomically.
 
         Args:
             path: File to write, by convention `*.safetensors`.
+            half_precision: Whether to round the weights to float16, which halves the file; loading
+                makes them float32 again.
 
         Returns:
             The path.
@@ -84,12 +86,12 @@ class Checkpoint:
             OSError: If the file cannot be written.
         """
         path = Path(path)
-        write_whole(path, self.to_bytes())
+        write_whole(path, self.to_bytes(half_precision=half_precision))
         return path
 
-    def to_bytes(self) -> bytes:
-        """Return the content of the file; raises the same errors as `save`."""
-        tensors, recipe = self._content()
+    def to_bytes(self, *, half_precision: bool = False) -> bytes:
+        """Return the content of the file; arguments and errors as in `save`."""
+        tensors, recipe = self._content(half_precision)
         try:
             header = json.dumps(
                 {"format": FORMAT, "format_version": FORMAT_VERSION, "recipe": recipe},
@@ -106,15 +108,15 @@ class Checkpoint:
         )
         return content
 
-    def _content(self) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
+    def _content(self, half_precision: bool) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
         """Return the tensors and the recipe, including those of a first stage."""
         self._check_recipe()
-        tensors = {f"{_MODEL}{key}": value for key, value in self.model.state_dict().items()}
+        tensors = _tensors(self.model, _MODEL, half_precision)
         if self.objectness is not None:
-            tensors |= {f"{_OBJECTNESS}{key}": value for key, value in self.objectness.state_dict().items()}
+            tensors |= _tensors(self.objectness, _OBJECTNESS, half_precision)
         if self.first_stage is None:
             return tensors, self.recipe
-        first_tensors, first_recipe = self.first_stage._content()
+        first_tensors, first_recipe = self.first_stage._content(half_precision)
         tensors |= {f"{_FIRST_STAGE}{key}": value for key, value in first_tensors.items()}
         return tensors, {**self.recipe, "first_stage": first_recipe}
 
@@ -290,6 +292,14 @@ def instantiate(config: Any, kind: type[Kind], trust: Sequence[str] = ()) -> Kin
         raise CheckpointError(
             f"{name} cannot be made with the recipe's arguments ({error}); the checkpoint may be of another version"
         ) from error
+
+
+def _tensors(network: torch.nn.Module, prefix: str, half_precision: bool) -> dict[str, torch.Tensor]:
+    """Return the parameters and buffers of a network; buffers, such as moments of features, are never rounded."""
+    state = network.state_dict()
+    if half_precision:
+        state |= {name: parameter.half() for name, parameter in network.named_parameters()}
+    return {f"{prefix}{name}": value for name, value in state.items()}
 
 
 def _values(value: Any, trust: Sequence[str]) -> Any:

@@ -65,6 +65,20 @@ def test_round_trip_gives_the_same_logits_and_recipe(tmp_path: Path) -> None:
         assert torch.equal(loaded.objectness(graph), saved.objectness.eval()(graph))
 
 
+def test_half_precision_rounds_weights_but_not_moments(tmp_path: Path) -> None:
+    saved = checkpoint()
+    saved.model.standardize_nodes.mean += 1e-5  # lost in float16
+    path = saved.save(tmp_path / "checkpoint.safetensors", half_precision=True)
+    assert path.stat().st_size < 0.65 * len(saved.to_bytes())
+    loaded = Checkpoint.load(path)
+    for name, parameter in saved.model.named_parameters():
+        assert torch.equal(loaded.model.get_parameter(name), parameter.half().float()), name
+    for name, buffer in saved.model.named_buffers():
+        assert torch.equal(loaded.model.get_buffer(name), buffer), name
+    assert {value.dtype for value in loaded.model.parameters()} == {torch.float32}
+    assert loaded.to_bytes(half_precision=True) == path.read_bytes()
+
+
 def test_equal_checkpoints_are_equal_files() -> None:
     assert checkpoint(a=1, b=2).to_bytes() == checkpoint(b=2, a=1).to_bytes()
 
