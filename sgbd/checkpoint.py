@@ -175,9 +175,10 @@ class Checkpoint:
             modules.append((_OBJECTNESS, objectness))
         for prefix, module in modules:
             weights = {key.removeprefix(prefix): value for key, value in tensors.items() if key.startswith(prefix)}
-            # A new module has PyTorch's default dtype, which the program may have changed for other networks.
+            # A new module has PyTorch's default dtype, which the program may have changed for other networks. Weights
+            # are stored in float32, or rounded to float16.
             for key, value in module.state_dict(keep_vars=True).items():
-                if weights.get(key, value).dtype == torch.float32 != value.dtype:
+                if weights.get(key, value).dtype in (torch.float32, torch.float16):
                     value.data = value.data.float()
             try:
                 module.load_state_dict(weights)
