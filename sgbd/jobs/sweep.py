@@ -121,7 +121,7 @@ class SweepTable(Callback):
             error = job_return._return_value  # the property would raise it
             expected = isinstance(error, ExpectedError)
             log.error("This job failed: %s", error, exc_info=None if expected else error)
-            self._record(config, "failed", f"{type(error).__name__}: {error}" if not expected else str(error))
+            self._record(config, "failed", str(error) if expected else f"{type(error).__name__}: {error}")
         folder = Path(config.hydra.sweep.dir)
         with one_process_at_a_time(folder / LOCK_FILE, log, f"writes the table of {folder}"):
             jobs = read_jobs(folder)
@@ -195,6 +195,22 @@ def read_jobs(folder: Path) -> pd.DataFrame:
     return table
 
 
+def varied_overrides(jobs: pd.DataFrame) -> list[str]:
+    """Return the overrides whose values differ between the jobs in a table of `read_jobs`."""
+    return [key for key in jobs.attrs["overrides"] if jobs[key].nunique(dropna=False) > 1]
+
+
+def common_overrides(jobs: pd.DataFrame) -> dict[str, Any]:
+    """Return the overrides that all jobs in a table of `read_jobs` share, with their values."""
+    varied = varied_overrides(jobs)
+    return {key: jobs[key].iloc[0] for key in jobs.attrs["overrides"] if key not in varied}
+
+
+def matching_scores(jobs: pd.DataFrame, patterns: Sequence[str]) -> list[str]:
+    """Return the scores in a table of `read_jobs` that match file name patterns, in the order of the patterns."""
+    return list(dict.fromkeys(score for pattern in patterns for score in fnmatch.filter(jobs.attrs["scores"], pattern)))
+
+
 def summarize(jobs: pd.DataFrame) -> pd.DataFrame:
     """Average the scores of a sweep's jobs over seeds.
 
@@ -206,7 +222,7 @@ def summarize(jobs: pd.DataFrame) -> pd.DataFrame:
         jobs in each of `STATES`; and for each score and `seconds`, the mean over the finished jobs and, as
         `<score> std`, the sample standard deviation (NaN for a single job).
     """
-    overrides = [key for key in jobs.attrs["overrides"] if jobs[key].nunique(dropna=False) > 1]
+    overrides = varied_overrides(jobs)
     rows = []
     keys = jobs[overrides].astype(object).where(jobs[overrides].notna(), "")
     groups = jobs.groupby([keys[key] for key in overrides], sort=False) if overrides else [((), jobs)]
@@ -219,7 +235,7 @@ def summarize(jobs: pd.DataFrame) -> pd.DataFrame:
             row[f"{score} std"] = group[score].std(ddof=1)
         rows.append(row)
     summary = pd.DataFrame(rows)
-    summary.attrs.update(overrides=overrides, scores=jobs.attrs["scores"])
+    summary.attrs["overrides"] = overrides
     return summary
 
 
@@ -248,10 +264,9 @@ def write_table(
 
 def markdown(jobs: pd.DataFrame, summary: pd.DataFrame, columns: Sequence[str], seed: str = "seed") -> str:
     """Return the Markdown table of a sweep, followed by the reasons of failures."""
-    overrides, scores = summary.attrs["overrides"], summary.attrs["scores"]
-    chosen = list(dict.fromkeys(score for pattern in columns for score in fnmatch.filter(scores, pattern))) or scores
+    chosen = matching_scores(jobs, columns) or jobs.attrs["scores"]
     shown = pd.DataFrame(index=summary.index)
-    for key in overrides:
+    for key in summary.attrs["overrides"]:
         shown[key] = summary[key].astype(str)
     shown["jobs"] = [_count(dict(zip(STATES, row, strict=True))) for row in summary[list(STATES)].to_numpy().tolist()]
     for score in [*chosen, "seconds"]:
@@ -262,9 +277,9 @@ def markdown(jobs: pd.DataFrame, summary: pd.DataFrame, columns: Sequence[str], 
     if chosen:
         lines.append("Scores in per cent.")
     repeated = sorted(set(jobs["seed"]))
-    fixed = {key: jobs[key].iloc[0] for key in jobs.attrs["overrides"] if key not in overrides}
-    if fixed:
-        lines.append("All with " + ", ".join(f"`{key}={value}`" for key, value in fixed.items()) + ".")
+    common = common_overrides(jobs)
+    if common:
+        lines.append("All with " + ", ".join(f"`{key}={value}`" for key, value in common.items()) + ".")
     if len(repeated) > 1:
         lines.append(f"Mean ± sample standard deviation over `{seed}` {', '.join(repeated)}.")
     for row in jobs[jobs["state"] != "finished"].to_dict("records"):

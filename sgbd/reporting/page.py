@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fnmatch
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
@@ -13,7 +12,7 @@ from markupsafe import Markup
 from omegaconf import OmegaConf
 
 from sgbd import __version__
-from sgbd.jobs.sweep import draw, summarize
+from sgbd.jobs.sweep import draw, matching_scores, summarize, varied_overrides
 from sgbd.reporting.figures import curve_comparison, frame_distribution, inline_svg
 from sgbd.reporting.gallery import MEASURES, Gallery, collect
 from sgbd.reporting.panels import PANELS
@@ -131,7 +130,7 @@ def _sweep_section(sweep: Sweep, places: Mapping[str, str], figures: _Figures) -
 
 def settings(sweep: Sweep) -> dict[str, list[Run]]:
     """Group the runs of a sweep by their varied options, ignoring the seed."""
-    varied = summarize(sweep.jobs).attrs["overrides"]
+    varied = varied_overrides(sweep.jobs)
     groups: dict[str, list[Run]] = {}
     for row in sweep.jobs.to_dict("records"):
         if int(row["job"]) in sweep.runs:
@@ -147,8 +146,8 @@ def _sweep_tables(sweep: Sweep, places: Mapping[str, str]) -> list[Table]:
 
 def _sweep_figure(sweep: Sweep) -> Any:
     summary = summarize(sweep.jobs)
-    drawn = [name for pattern in sweep.plot for name in fnmatch.filter(sweep.jobs.attrs["scores"], pattern)]
-    return draw(summary, list(dict.fromkeys(drawn))) if drawn and summary["finished"].any() else None
+    drawn = matching_scores(sweep.jobs, sweep.plot)
+    return draw(summary, drawn) if drawn and summary["finished"].any() else None
 
 
 def _headlines(run: Run) -> Sequence[tuple[str, str]]:

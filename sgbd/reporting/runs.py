@@ -14,7 +14,7 @@ from yaml import YAMLError
 
 from sgbd.jobs.configuration import ConfigurationError
 from sgbd.jobs.job import ASIDE, RESULT_FILE, read_json
-from sgbd.jobs.sweep import RECORDS_FOLDER, read_jobs
+from sgbd.jobs.sweep import RECORDS_FOLDER, read_jobs, varied_overrides
 
 SCORES_FILE = "scores.json"
 HISTORY_FILE = "history.csv"
@@ -191,7 +191,7 @@ def read_run(folder: Path, label: str) -> Run:
 
 def _read_sweep(folder: Path, label: str, prefix: str) -> Sweep:
     jobs = read_jobs(folder)
-    varied = [key for key in jobs.attrs["overrides"] if jobs[key].nunique(dropna=False) > 1]
+    varied = varied_overrides(jobs)
     runs = {}
     for row in jobs.to_dict("records"):
         if row["state"] == "finished" and _is_run(folder / row["folder"]):

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import fnmatch
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import pandas as pd
 
 from sgbd.evaluation import score_table
-from sgbd.jobs.sweep import PER_CENT, summarize
+from sgbd.jobs.sweep import PER_CENT, common_overrides, matching_scores, summarize, varied_overrides
 from sgbd.reporting.runs import Run, Sweep
 from sgbd.reporting.score_titles import TITLES, score_title
 
@@ -106,7 +105,8 @@ def protocol_table(run: Run) -> Table:
         [text(score_title(str(name))), *(score(value / PER_CENT) for value in row)]
         for name, row in zip(scores.index, scores.to_numpy().tolist(), strict=True)
     ]
-    return Table("Scores by protocol, per cent", _titles(["protocol"], map(score_title, scores.columns)), rows)
+    titles = [("protocol", False), *((score_title(name), True) for name in scores.columns)]
+    return Table("Scores by protocol, per cent", titles, rows)
 
 
 def overview_table(runs: Sequence[Run], links: Mapping[str, str]) -> Table:
@@ -148,8 +148,8 @@ def sweep_table(sweep: Sweep) -> Table:
         rows.append([*cells, number(row["seconds"])])
     seeds = sorted(set(sweep.jobs["seed"]))
     repeated = f"Mean ± sample standard deviation over seeds {', '.join(seeds)}. " if len(seeds) > 1 else ""
-    fixed = {key: sweep.jobs[key].iloc[0] for key in sweep.jobs.attrs["overrides"] if key not in overrides}
-    common = "All with " + ", ".join(f"{key}={value}" for key, value in fixed.items()) + ". " if fixed else ""
+    shared = common_overrides(sweep.jobs)
+    common = "All with " + ", ".join(f"{key}={value}" for key, value in shared.items()) + ". " if shared else ""
     titles = [*((key, False) for key in overrides), ("jobs", True), *((score_title(name), True) for name in scores)]
     return Table("Scores of the sweep, per cent", [*titles, ("seconds", True)], rows, f"{repeated}{common}".strip())
 
@@ -161,8 +161,7 @@ def jobs_table(sweep: Sweep, links: Mapping[str, str]) -> Table:
         sweep: The sweep.
         links: HTML id of each run on the page, by label.
     """
-    overrides = summarize(sweep.jobs).attrs["overrides"]
-    scores = _chosen(sweep)
+    overrides, scores = varied_overrides(sweep.jobs), _chosen(sweep)
     rows = []
     for row in sweep.jobs.to_dict("records"):
         run = sweep.runs.get(int(row["job"]))
@@ -237,13 +236,8 @@ def frame_table(run: Run, limit: int, link: Callable[[str], str | None]) -> Tabl
     )
 
 
-def _titles(names: Iterable[str], scores: Iterable[str]) -> list[tuple[str, bool]]:
-    return [*((name, False) for name in names), *((name, True) for name in scores)]
-
-
 def _chosen(sweep: Sweep) -> list[str]:
-    scores = sweep.jobs.attrs["scores"]
-    return list(dict.fromkeys(name for pattern in sweep.columns for name in fnmatch.filter(scores, pattern))) or scores
+    return matching_scores(sweep.jobs, sweep.columns) or sweep.jobs.attrs["scores"]
 
 
 def _setting(value: object) -> Cell:
