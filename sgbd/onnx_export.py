@@ -12,12 +12,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 import torch
 from torch import Tensor, nn
+from torch_geometric.data import Data
 
 from sgbd import __version__
 from sgbd.benchmarking.timing import Timing, take_turns
@@ -321,7 +322,7 @@ def check(
         feed = {name: graph[name] for name in input_names(checkpoint)}
         tensors = {name: torch.from_numpy(value) for name, value in graph.items()}
         # User-defined networks may need a full PyG `Data`; those of this package only read its fields.
-        data = _fields(
+        data = Data(
             x=tensors["x"],
             edge_index=torch.cat([tensors["pairs"], tensors["pairs"].flip(0)], dim=1),
             edge_attr=tensors["edge_attr"],
@@ -365,12 +366,6 @@ def largest_difference(expected: Sequence[npt.NDArray[Any]], given: Sequence[npt
         return float("inf")
     shares = [np.abs(theirs - ours) / (1 + np.abs(ours)) for ours, theirs in zip(expected, given, strict=True)]
     return float(np.max(np.concatenate(shares), initial=0))
-
-
-def _fields(**tensors: Tensor) -> Any:
-    from torch_geometric.data import Data
-
-    return Data(**cast(Any, tensors))
 
 
 def _required(package: str) -> Any:
