@@ -28,6 +28,9 @@ from sgbd.sources import FrameSource
 
 MODEL, BASELINE, LABEL_IMAGES = "model", "baseline", "label images"
 
+Predict = Callable[[Frame], npt.NDArray[np.int32]]
+"""Maps a frame to its predicted objects, int32 [H, W], 0 = not an object."""
+
 
 @dataclass(frozen=True)
 class Judged:
@@ -38,7 +41,7 @@ class Judged:
         kind: `MODEL`, `BASELINE` or `LABEL_IMAGES`.
         evaluation: Its scores.
         failures: Its failures on each frame.
-        predict: Maps a frame to its predicted objects, int32 [H, W], 0 = not an object.
+        predict: Finds the objects of a frame.
         aided: Whether the ground truth decides which segments are objects, because the method does not.
         segmenter: The segmenter of a trained model; None for other methods.
     """
@@ -47,7 +50,7 @@ class Judged:
     kind: str
     evaluation: Evaluation
     failures: list[Failures]
-    predict: Callable[[Frame], npt.NDArray[np.int32]]
+    predict: Predict
     aided: bool
     segmenter: Segmenter | None = None
 
@@ -132,7 +135,7 @@ def judge(config: DictConfig, source: FrameSource, workers: int) -> list[Judged]
             progress=True,
         )
         kind = LABEL_IMAGES if isinstance(method, LabelImages) else BASELINE
-        predict = method if method.decides_objects else _ChosenByTruth(method)
+        predict = method if method.decides_objects else _chosen_by_truth(method)
         judged.append(Judged(name, kind, found.evaluation, found.failures, predict, not method.decides_objects))
     return judged
 
@@ -164,29 +167,20 @@ def judge_model(name: str, segmenter: Segmenter, source: FrameSource, config: Di
             objects = np.nonzero(segments.is_object)[0] if has_head else objects_by_majority(table)
             oracle = oracle_table(*overlaps, len(segments.segment))
             failures.append(classify_failures(table, objects, oracle, data.name))
-    predict: Callable[[Frame], npt.NDArray[np.int32]] = _Instances(segmenter)
-    if not has_head:
-        predict = _ChosenByTruth(predict)
-    return Judged(name, MODEL, mean_scores(scored, dataset.seen), failures, predict, not has_head, segmenter)
+
+    def predict(frame: Frame) -> npt.NDArray[np.int32]:
+        return segmenter.segment_frame(frame).instances
+
+    evaluation, shown = mean_scores(scored, dataset.seen), predict if has_head else _chosen_by_truth(predict)
+    return Judged(name, MODEL, evaluation, failures, shown, not has_head, segmenter)
 
 
-class _Instances:
-    """Maps a frame to the objects that a segmenter finds."""
+def _chosen_by_truth(method: Predict) -> Predict:
+    """Return a function from a frame to those segments of a method that lie mostly on true objects."""
 
-    def __init__(self, segmenter: Segmenter) -> None:
-        self.segmenter = segmenter
-
-    def __call__(self, frame: Frame) -> npt.NDArray[np.int32]:
-        return self.segmenter.segment_frame(frame).instances
-
-
-class _ChosenByTruth:
-    """Maps a frame to those segments of a method that lie mostly on true objects."""
-
-    def __init__(self, method: Callable[[Frame], npt.NDArray[np.int32]]) -> None:
-        self.method = method
-
-    def __call__(self, frame: Frame) -> npt.NDArray[np.int32]:
-        segments = self.method(frame)
+    def predict(frame: Frame) -> npt.NDArray[np.int32]:
+        segments = method(frame)
         chosen = objects_by_majority(ContingencyTable.from_label_maps(segments, frame.instances))  # type: ignore[arg-type]
         return np.where(np.isin(segments, chosen), segments, 0).astype(np.int32)
+
+    return predict
