@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -80,12 +80,12 @@ class Gallery:
     Attributes:
         cards: The frames.
         available: Number of frames that the runs have pictures of.
+        places: HTML id by run and frame.
     """
 
     cards: Sequence[Card]
     available: int
-    places: dict[tuple[str, str], str] = field(default_factory=dict)
-    """HTML id by run and frame."""
+    places: dict[tuple[str, str], str]
 
 
 def collect(runs: Sequence[Run], megabytes: float) -> Gallery:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -135,17 +135,7 @@ def write_index(frames: Sequence[GalleryFrame], folder: Path) -> None:
         frames: The frames, in display order.
         folder: The gallery folder.
     """
-    rows = [
-        {
-            "name": frame.name,
-            "panels": dict(frame.panels),
-            "categories": list(frame.categories),
-            "seen": frame.seen,
-            "unseen": frame.unseen,
-            "nodes": frame.nodes,
-        }
-        for frame in frames
-    ]
+    rows = [asdict(frame) for frame in frames]
     write_whole(folder / INDEX_FILE, json.dumps({"frames": rows}, indent=1).encode())
 
 
