@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -52,10 +53,10 @@ def measure_costs(
     """
     runs: dict[str, Callable[[RawFrame, Stopwatch], Any]] = {}
     for name, segmenter in segmenters.items():
-        runs[name] = _staged(segmenter)
+        runs[name] = partial(segment_in_stages, segmenter)
     for name, method in methods.items():
         if isinstance(method, Baseline):
-            runs[name] = _timed(method)
+            runs[name] = partial(_run_baseline, method)
     if not runs:
         raise ConfigurationError("there is no method to measure. Give checkpoints='{name: file}' or baseline=[…]")
     frames = sample_frames(source, config.cost_frames)
@@ -111,25 +112,19 @@ def sample_frames(source: FrameSource, count: int) -> list[RawFrame]:
     return frames
 
 
-def _staged(segmenter: Segmenter) -> Callable[[RawFrame, Stopwatch], Any]:
-    return lambda raw, stopwatch: segment_in_stages(segmenter, raw, stopwatch)
-
-
-def _timed(method: Baseline) -> Callable[[RawFrame, Stopwatch], Any]:
-    def run(raw: RawFrame, stopwatch: Stopwatch) -> None:
-        if not isinstance(method, SuperpixelBaseline):
-            with stopwatch.step(PREPROCESSING):
-                frame = raw.frame()
-            with stopwatch.step(METHOD):
-                method(frame)
-            return
+def _run_baseline(method: Baseline, raw: RawFrame, stopwatch: Stopwatch) -> None:
+    """Segment a frame, timing pre-processing and the method itself."""
+    if not isinstance(method, SuperpixelBaseline):
         with stopwatch.step(PREPROCESSING):
             frame = raw.frame()
-            label_map = method.superpixels(frame)
         with stopwatch.step(METHOD):
-            method.merge(frame, label_map)
-
-    return run
+            method(frame)
+        return
+    with stopwatch.step(PREPROCESSING):
+        frame = raw.frame()
+        label_map = method.superpixels(frame)
+    with stopwatch.step(METHOD):
+        method.merge(frame, label_map)
 
 
 def _times(stopwatch: Stopwatch, before: tuple[str, ...], after: tuple[str, ...]) -> dict[str, float]:

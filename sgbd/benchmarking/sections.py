@@ -30,7 +30,6 @@ from sgbd.benchmarking.training_speed import measure_training
 from sgbd.jobs.configuration import ConfigurationError
 from sgbd.jobs.untrained import trusted_packages
 from sgbd.machine.progress_bar import ProgressBar
-from sgbd.segmentation import Segmentation
 from sgbd.segmenter import Segmenter
 from sgbd.sources import FrameSource
 
@@ -238,9 +237,9 @@ class Benchmark:
         prepare_frames(self._files(1), segmenter, 0, self._folder("caches"), self.config.progress)
 
     def _whole_frames(self, frames: Sequence[RawFrame], n: int) -> dict[str, float]:
-        chosen = configured_segmenter(self.config, n)
+        ours = make_method(OURS, self.config, n)
         watched = take_turns(
-            {OURS: lambda number: _segment(chosen, frames[number % len(frames)])},
+            {OURS: lambda number: ours(frames[number % len(frames)])},
             self._bar(self.extent.repeats, f"curve, n={n}"),
             2,
         )
@@ -328,10 +327,6 @@ class Benchmark:
     def _folder(self, name: str) -> Path:
         """Return an empty temporary folder, deleted at the end of the benchmark."""
         return Path(self._open.enter_context(tempfile.TemporaryDirectory(prefix=f"sgbd_benchmark_{name}_")))
-
-
-def _segment(segmenter: Segmenter, raw: RawFrame) -> Segmentation:
-    return segmenter.segment(raw.rgb, raw.depth, raw.intrinsics)
 
 
 SECTIONS: Mapping[str, Callable[[Benchmark], None]] = {
