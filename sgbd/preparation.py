@@ -218,7 +218,7 @@ def _prepare_split(work: _FrameToGraphFile, fingerprint: str, workers: int, on_e
     """Build the graphs that are missing or out of date, then write the index, which marks the split as complete."""
     source, split = work.source, work.folder
     before = read_index(split)
-    if before is not None and before.get("fingerprint") != fingerprint:
+    if before is not None and before["fingerprint"] != fingerprint:
         log.info("the frames of %s changed: the graphs of those that did are made anew", split)
         (split / INDEX_FILE).unlink()
     summaries = _kept_graphs(source, split, progress)
@@ -231,11 +231,11 @@ def _prepare_split(work: _FrameToGraphFile, fingerprint: str, workers: int, on_e
             + _list_of_failures(source, failures)
         )
     made = len(source) - kept - len(failures)
-    index = _index(source, fingerprint, summaries, failures)
     if made:
-        index["statistics"]["seconds_per_frame"] = {stage: total / made for stage, total in seconds.items()}
-    elif before is not None:
-        index["statistics"]["seconds_per_frame"] = before.get("statistics", {}).get("seconds_per_frame", {})
+        seconds_per_frame = {stage: total / made for stage, total in seconds.items()}
+    else:
+        seconds_per_frame = {} if before is None else before["statistics"]["seconds_per_frame"]
+    index = _index(source, fingerprint, summaries, failures, seconds_per_frame)
     _write(split / INDEX_FILE, json.dumps(index).encode())
     log.info(
         "%s: %d graphs made in %.1f s, %d kept, %d skipped; %.0f nodes and %.0f edges a graph, %.0f KiB each, in %s",
@@ -328,6 +328,7 @@ def _index(
     fingerprint: str,
     summaries: Sequence[GraphSummary | None],
     failures: Mapping[int, str],
+    seconds_per_frame: Mapping[str, float],
 ) -> dict[str, Any]:
     names = source.names
     present = [(names[index], summary) for index, summary in enumerate(summaries) if summary is not None]
@@ -345,8 +346,7 @@ def _index(
             "edges_per_graph": sum(edges) / len(present),
             "merge_share": merges / (merges + cuts) if merges + cuts else None,
             "bytes_per_graph": sum(summary.bytes for _, summary in present) / len(present),
-            # Of the frames processed in the last run; filled in by the caller.
-            "seconds_per_frame": {},
+            "seconds_per_frame": seconds_per_frame,
         },
         "skipped": [{"name": names[index], "reason": reason} for index, reason in sorted(failures.items())],
         "names": [name for name, _ in present],
