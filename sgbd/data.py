@@ -13,7 +13,7 @@ from torch_geometric.data import Data, Dataset
 from sgbd.features import EDGE_GROUPS, EDGE_NAMES, NODE_GROUPS, NODE_NAMES, edge_columns, node_columns
 from sgbd.graph_file import FORMAT_VERSION, read_graph, stored_fields
 from sgbd.node_block import split_groups
-from sgbd.node_block_cache import find_node_block, is_of_graphs, node_block_names, read_node_block
+from sgbd.node_block_cache import find_node_block, is_complete, node_block_names, read_node_block
 from sgbd.own_columns import with_own_columns
 from sgbd.preparation import INDEX_FILE, RECIPE_FILE, graph_file_name, read_index
 from sgbd.recipe import Recipe
@@ -152,7 +152,7 @@ class SuperpixelGraphDataset(Dataset):
                 f"of a block that was added to the graphs in {self.folder}. To add DINO's attention: "
                 f"{HOW_TO_PREPARE} node_block=dino_vits16"
             )
-        if not is_of_graphs(block, self.split, self._index):
+        if not is_complete(block / self.split, self._index):
             raise GraphCacheError(
                 f"the block {block} is not complete for {self.split}, or of other frames. Prepare it again: "
                 f"{HOW_TO_PREPARE} node_block=<its option>"

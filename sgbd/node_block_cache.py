@@ -79,12 +79,12 @@ def prepare_node_block(folder: Path, source: FrameSource, block: NodeBlock, *, p
     recipe = _block_recipe(block)
     target = folder / BLOCKS_FOLDER / node_block_folder(block)
     split = target / source.split
-    if _is_complete(split, graphs):
+    if is_complete(split, graphs):
         return target
     try:
         split.mkdir(parents=True, exist_ok=True)
         with one_process_at_a_time(target / f"{source.split}.lock", log, f"computes {split}"):
-            if not _is_complete(split, graphs):
+            if not is_complete(split, graphs):
                 _compute(folder, split, graphs, source, block, progress)
                 write_whole(target / RECIPE_FILE, (json.dumps(recipe, indent=2) + "\n").encode())
                 write_whole(split / INDEX_FILE, json.dumps(_index(graphs)).encode())
@@ -130,9 +130,16 @@ def node_block_names(target: Path) -> tuple[str, ...]:
     return tuple(recipe["names"])
 
 
-def is_of_graphs(target: Path, split: str, graphs: Mapping[str, Any]) -> bool:
-    """Return whether a block is complete for the split whose index is `graphs`."""
-    return _is_complete(target / split, graphs)
+def is_complete(split: Path, graphs: Mapping[str, Any]) -> bool:
+    """Return whether a block's folder of a split is complete for the graphs with the index `graphs`."""
+    try:
+        index = json.loads((split / INDEX_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    if index != _index(graphs):
+        return False
+    present = {path.name for path in split.iterdir() if path.name.endswith(SUFFIX)}
+    return {graph_file_name(name) for name in graphs["names"]} <= present
 
 
 def read_node_block(target: Path, split: str, name: str) -> torch.Tensor:
@@ -200,14 +207,3 @@ def _is_current(split: Path, graphs: Path, name: str) -> bool:
 
 def _index(graphs: Mapping[str, Any]) -> dict[str, Any]:
     return {"format_version": FORMAT_VERSION, "fingerprint": graphs["fingerprint"], "names": graphs["names"]}
-
-
-def _is_complete(split: Path, graphs: Mapping[str, Any]) -> bool:
-    try:
-        index = json.loads((split / INDEX_FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    if index != _index(graphs):
-        return False
-    present = {path.name for path in split.iterdir() if path.name.endswith(SUFFIX)}
-    return {graph_file_name(name) for name in graphs["names"]} <= present
