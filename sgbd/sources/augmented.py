@@ -68,20 +68,16 @@ class Augmented(FrameSource):
         """Folder of the underlying dataset, if it has one."""
         return getattr(self.source, "root", None)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Name of each frame, followed by the names of its copies: NAME~1, NAME~2."""
-        return self._names
+        endings = ["", *(f"~{number}" for number in range(1, self.copies + 1))]
+        return tuple(name + ending for name in self.source.names for ending in endings)
 
     @property
     def splits(self) -> tuple[str, ...]:
         """The splits of the underlying dataset."""
         return self.source.splits
-
-    @cached_property
-    def _names(self) -> tuple[str, ...]:
-        endings = ["", *(f"~{number}" for number in range(1, self.copies + 1))]
-        return tuple(name + ending for name in self.source.names for ending in endings)
 
     def generate(self, workers: int = 0, progress: bool = True) -> None:
         """Generate the underlying dataset, if it is a synthetic one."""

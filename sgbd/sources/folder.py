@@ -83,10 +83,10 @@ root may hold train/, val/ and test/, each of this layout.
         self.depth_scale = checked_depth_scale(depth_scale)
         self._labels = labels
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """The NAME of each frame, sorted."""
-        return self._names
+        return tuple(frame.name for frame in self._frames)
 
     @property
     def splits(self) -> tuple[str, ...]:
@@ -166,10 +166,6 @@ root may hold train/, val/ and test/, each of this layout.
             _Files(name, rgb, found["depth"].get(name, _depth_path(rgb)), found["labels"].get(name))
             for name, rgb in sorted(found["rgb"].items())
         )
-
-    @cached_property
-    def _names(self) -> tuple[str, ...]:
-        return tuple(frame.name for frame in self._frames)
 
 
 def _images(folder: Path) -> dict[str, dict[str, Path]]:

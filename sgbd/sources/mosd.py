@@ -85,10 +85,21 @@ root/
             raise ValueError(f"resolution must be two numbers, width and height in pixels; got {list(resolution)}")
         self.resolution = (int(resolution[0]), int(resolution[1]))
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """`folder/name` of each frame, e.g. learn/learn0, in numerical order."""
-        return self._names
+        self._require_root()
+        if self.split not in self.parts:
+            raise self._not_found(f"no part is split {self.split!r}, only {', '.join(self.parts)} (option: parts)")
+        names = []
+        for part in self.parts[self.split]:
+            if not (self.root / part).is_dir():
+                raise self._not_found(f"there is no folder {part}")
+            found = [path.stem for path in (self.root / part).glob("[!.]*.pcd")]
+            if not found:
+                raise self._not_found(f"there is no point cloud (.pcd) in {part}")
+            names += [f"{part}/{name}" for name in sorted(found, key=natural_order)]
+        return tuple(names)
 
     @property
     def splits(self) -> tuple[str, ...]:
@@ -97,7 +108,7 @@ root/
 
     def files(self, index: int) -> tuple[Path, ...]:
         """Return the point cloud of a frame."""
-        return (self.root / f"{self._names[index]}.pcd",)
+        return (self.root / f"{self.names[index]}.pcd",)
 
     def options(self) -> Mapping[str, Any]:
         """Return the options that affect what is read."""
@@ -140,20 +151,5 @@ root/
             depth=cloud.depth(),
             intrinsics=camera or cloud.intrinsics(),
             instances=instances,
-            name=self._names[index],
+            name=self.names[index],
         )
-
-    @cached_property
-    def _names(self) -> tuple[str, ...]:
-        self._require_root()
-        if self.split not in self.parts:
-            raise self._not_found(f"no part is split {self.split!r}, only {', '.join(self.parts)} (option: parts)")
-        names = []
-        for part in self.parts[self.split]:
-            if not (self.root / part).is_dir():
-                raise self._not_found(f"there is no folder {part}")
-            found = [path.stem for path in (self.root / part).glob("[!.]*.pcd")]
-            if not found:
-                raise self._not_found(f"there is no point cloud (.pcd) in {part}")
-            names += [f"{part}/{name}" for name in sorted(found, key=natural_order)]
-        return tuple(names)

@@ -114,10 +114,20 @@ root/
         self.depth_scale = checked_depth_scale(depth_scale)
         self.intrinsics = intrinsics_from(intrinsics)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """`sequence/frame` of each frame, e.g. ARID20/floor/top/seq01/result_2018-08-21-14-53-22."""
-        return self._names
+        names = []
+        for sequence in self.sequences:
+            folder = self.root / sequence
+            if not (folder / self.depth).is_dir():
+                other = next((name for name in DEPTHS if (folder / name).is_dir()), None)
+                hint = f"; use dataset.depth={other}" if other else ""
+                raise self._not_found(f"there is no folder {self.depth} in {sequence}{hint}")
+            names += [f"{sequence}/{path.stem}" for path in sorted((folder / "rgb").glob("[!.]*.png"))]
+        if not names:
+            raise self._not_found(f"there is no colour image in the sequences of split {self.split!r}")
+        return tuple(names)
 
     @property
     def splits(self) -> tuple[str, ...]:
@@ -129,7 +139,7 @@ root/
 
     def files(self, index: int) -> tuple[Path, ...]:
         """Return the colour, depth and label file of a frame."""
-        sequence, _, name = self._names[index].rpartition("/")
+        sequence, _, name = self.names[index].rpartition("/")
         folder = self.root / sequence
         return (
             folder / "rgb" / f"{name}.png",
@@ -157,7 +167,7 @@ root/
             FrameReadError: If a file is missing or damaged, or contains a label the rule does not define.
             FrameError: If the images differ in size or contain no depth.
         """
-        name = self._names[index]
+        name = self.names[index]
         rgb_path, depth_path, label_path = self.files(index)
         camera = self.intrinsics
         if self.depth == "pcd":
@@ -206,17 +216,3 @@ root/
                 raise self._not_found(f"there is no sequence in {part}: no folder with a folder rgb")
             found += sorted(its, key=natural_order)
         return tuple(found)
-
-    @cached_property
-    def _names(self) -> tuple[str, ...]:
-        names = []
-        for sequence in self.sequences:
-            folder = self.root / sequence
-            if not (folder / self.depth).is_dir():
-                other = next((name for name in DEPTHS if (folder / name).is_dir()), None)
-                hint = f"; use dataset.depth={other}" if other else ""
-                raise self._not_found(f"there is no folder {self.depth} in {sequence}{hint}")
-            names += [f"{sequence}/{path.stem}" for path in sorted((folder / "rgb").glob("[!.]*.png"))]
-        if not names:
-            raise self._not_found(f"there is no colour image in the sequences of split {self.split!r}")
-        return tuple(names)

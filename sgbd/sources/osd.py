@@ -97,10 +97,24 @@ root/
         self.labels = labels
         self.intrinsics = intrinsics_from(intrinsics)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Name of each frame, such as learn0, part by part and in numerical order."""
-        return self._names
+        self._require_root()
+        if self.split not in self.parts:
+            raise self._not_found(f"no part is split {self.split!r}, only {', '.join(self.parts)} (option: parts)")
+        for folder in ("image_color", self.depth):
+            if not (self.root / folder).is_dir():
+                hint = f"; use dataset.depth={other}" if folder != "image_color" and (other := self._other()) else ""
+                raise self._not_found(f"there is no folder {folder}{hint}")
+        found = [path.stem for path in (self.root / "image_color").glob("*.png")]
+        names = []
+        for part in self.parts[self.split]:
+            its = sorted((name for name in found if name.rstrip("0123456789") == part), key=natural_order)
+            if not its:
+                raise self._not_found(f"there is no image {part}*.png in image_color")
+            names += its
+        return tuple(names)
 
     @property
     def splits(self) -> tuple[str, ...]:
@@ -109,7 +123,7 @@ root/
 
     def files(self, index: int) -> tuple[Path, ...]:
         """Return the colour, depth and annotation file of a frame; the last may not exist."""
-        name = self._names[index]
+        name = self.names[index]
         return (
             self.root / "image_color" / f"{name}.png",
             self.root / self.depth / f"{name}.{DEPTHS[self.depth]}",
@@ -141,7 +155,7 @@ root/
             depth=depth,
             intrinsics=camera,
             instances=read_instances(labels_path, self.labels) if labels_path.exists() else None,
-            name=self._names[index],
+            name=self.names[index],
         )
 
     def _depth(self, path: Path) -> tuple[npt.NDArray[np.float32], Intrinsics | None]:
@@ -156,24 +170,6 @@ root/
                 "depth from the point clouds: dataset.depth=pcd",
             )
         return depth, self.intrinsics
-
-    @cached_property
-    def _names(self) -> tuple[str, ...]:
-        self._require_root()
-        if self.split not in self.parts:
-            raise self._not_found(f"no part is split {self.split!r}, only {', '.join(self.parts)} (option: parts)")
-        for folder in ("image_color", self.depth):
-            if not (self.root / folder).is_dir():
-                hint = f"; use dataset.depth={other}" if folder != "image_color" and (other := self._other()) else ""
-                raise self._not_found(f"there is no folder {folder}{hint}")
-        found = [path.stem for path in (self.root / "image_color").glob("*.png")]
-        names = []
-        for part in self.parts[self.split]:
-            its = sorted((name for name in found if name.rstrip("0123456789") == part), key=natural_order)
-            if not its:
-                raise self._not_found(f"there is no image {part}*.png in image_color")
-            names += its
-        return tuple(names)
 
     def _other(self) -> str | None:
         return next((name for name in DEPTHS if name != self.depth and (self.root / name).is_dir()), None)

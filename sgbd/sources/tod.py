@@ -204,10 +204,10 @@ root/
             self._list_location = self.root if lists is None else Path(lists).expanduser()
         self._lists_required = lists is not None
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """`folder/scene/view` of each frame, e.g. training_set/scene_00012/00003."""
-        return self._names
+        return tuple(view.name for view in self._views)
 
     @property
     def splits(self) -> tuple[str, ...]:
@@ -434,10 +434,6 @@ root/
                 left_out["not_drawn"],
             )
         return tuple(views), left_out
-
-    @cached_property
-    def _names(self) -> tuple[str, ...]:
-        return tuple(view.name for view in self._views)
 
     @property
     def _filters_unseen(self) -> bool:

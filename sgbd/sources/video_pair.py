@@ -75,10 +75,13 @@ class VideoPair(FrameSource):
         # Open files cannot be sent to another process.
         return self.__dict__ | {"_decoders": None}
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Name of the colour video with the frame number, from 0, e.g. clip_000012."""
-        return self._names
+        stem = self.rgb.stem
+        for ending in ("_rgb", "_color", "_colour"):
+            stem = stem.removesuffix(ending)
+        return tuple(f"{stem}_{place:06d}" for place in self._places[0].tolist())
 
     @property
     def splits(self) -> tuple[str, ...]:
@@ -171,13 +174,6 @@ class VideoPair(FrameSource):
             self.rgb, rgb.times.size, 1 / rgb.period, self.depth, depth.times.size, 1 / depth.period, places[0].size,
         )  # fmt: skip
         return places
-
-    @cached_property
-    def _names(self) -> tuple[str, ...]:
-        stem = self.rgb.stem
-        for ending in ("_rgb", "_color", "_colour"):
-            stem = stem.removesuffix(ending)
-        return tuple(f"{stem}_{place:06d}" for place in self._places[0].tolist())
 
 
 @dataclass(frozen=True, eq=False)
