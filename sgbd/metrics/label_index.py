@@ -77,8 +77,7 @@ def _fits_table(lowest: int, highest: int) -> bool:
 
 
 def _flat(label_map: NDArray[np.integer]) -> NDArray[np.int32]:
-    # With a single dtype, the functions below are compiled only once.
-    """Return the labels as a flat int32 array."""
+    """Return the labels as a flat int32 array: with a single dtype, the functions below are compiled only once."""
     return label_map.ravel().astype(np.int32, copy=False)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -103,7 +104,7 @@ def _dataset_option(folder: Path, source: Tod, split: ZeroShotSplit, test: str) 
         "lists": {key: str((folder / name).resolve()) for key, name in lists.items()},
         "seen": [name for name in source.category_names if name in split.seen],
         "category_names": list(source.category_names),
-        "intrinsics": camera and {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy},
+        "intrinsics": camera and asdict(camera),
         "unseen_objects": "keep",
         "max_train_frames": None,
         "subset_seed": 0,

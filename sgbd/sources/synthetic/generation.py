@@ -6,6 +6,7 @@ import json
 import logging
 import os
 import shutil
+from dataclasses import asdict
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -173,7 +174,6 @@ def _write_task(root: Path, recipe: Recipe, tasks: list[tuple[str, int]], index:
 
 
 def _description(recipe: Recipe, split: str, number: int, arrangement: Any, views: list[Any]) -> dict[str, Any]:
-    camera = views[0].camera.intrinsics
     objects = []
     for k, (shape, pose) in enumerate(zip(arrangement.shapes, arrangement.poses, strict=True)):
         objects.append(
@@ -190,7 +190,7 @@ def _description(recipe: Recipe, split: str, number: int, arrangement: Any, view
     return {
         "seed": [recipe.seed, list(FOLDERS).index(split), number],
         "redrawn": arrangement.attempt,
-        "intrinsics": {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy},
+        "intrinsics": asdict(views[0].camera.intrinsics),
         "table": {
             "round": arrangement.table.round,
             "size": np.round(arrangement.table.size, 4).tolist(),
