@@ -29,7 +29,6 @@ class GraphTensors:
         edge_label_index: int64 [2, E].
         border_length: float32 [E].
         area: int64 [N].
-        name: The frame's name.
         node_of_superpixel: int64 [M], the node of each superpixel if the nodes are segments of a first stage
             (`sgbd.agglomeration`), else None.
     """
@@ -44,13 +43,7 @@ class GraphTensors:
         self.edge_label_index = tensor("edge_label_index")
         self.border_length = tensor("border_length")
         self.area = tensor("area")
-        self.name = graph["name"]
         self.node_of_superpixel = tensor("node_of_superpixel") if "node_of_superpixel" in graph else None
-
-    @property
-    def num_nodes(self) -> int:
-        """Number of nodes."""
-        return self.x.size(0)
 
     def to(self, device: torch.device | str) -> GraphTensors:
         """Move the tensors to a device, in place as PyG does."""

@@ -62,11 +62,6 @@ class EdgeTransformer(EdgeClassifier):
         )
         self.readout = Perceptron([3 * hidden_channels, hidden_channels, 1], norm=False)
 
-    @property
-    def state_channels(self) -> tuple[int, int]:
-        """Width of the node states and of the edge states."""
-        return self.hidden_channels, self.hidden_channels
-
     def embed(self, x: Tensor, edge_index: Tensor, edge_attr: Tensor) -> tuple[Tensor, Tensor]:
         """Attend over the whole graph; see `EdgeClassifier.embed`."""
         nodes = self.node_encoder(x)

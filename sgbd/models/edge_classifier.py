@@ -51,11 +51,6 @@ class EdgeClassifier(nn.Module, ABC):
         self.standardize_nodes = Standardize(node_channels)
         self.standardize_edges = Standardize(edge_channels)
 
-    @property
-    def state_channels(self) -> tuple[int, int]:
-        """Width of the node states and of the edge states that `score` receives."""
-        return self.node_channels, self.edge_channels
-
     def embed(self, x: Tensor, edge_index: Tensor, edge_attr: Tensor) -> tuple[Tensor, Tensor]:
         """Turn features into states.
 
@@ -65,7 +60,7 @@ class EdgeClassifier(nn.Module, ABC):
             edge_attr: float32 [2E, D], standardised; row k belongs to the directed edge k.
 
         Returns:
-            Node states [N, H] and edge states [2E, C], where (H, C) is `state_channels`.
+            Node states [N, H] and edge states [2E, C], for `score`; the widths are the model's own.
         """
         return x, edge_attr
 

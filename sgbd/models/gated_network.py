@@ -93,11 +93,6 @@ class GatedNetwork(EdgeClassifier):
         self.edge_encoder = InputEncoder(edge_inputs, hidden_channels)
         self.layers = nn.ModuleList(layer() for _ in range(num_layers))
 
-    @property
-    def state_channels(self) -> tuple[int, int]:
-        """Width of the node states and of the edge states."""
-        return self.hidden_channels, self.hidden_channels
-
     def pass_messages(self, x: Tensor, edge_attr: Tensor, edge_index: Tensor) -> tuple[Tensor, Tensor]:
         """Encode features and run all layers with PyTorch's operations.
 
