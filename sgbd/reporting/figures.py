@@ -50,16 +50,16 @@ def inline_svg(figure: Figure, number: int) -> str:
     return svg.replace("#000000", "currentColor").replace("#ffffff", "var(--surface)").strip()
 
 
-def curve_comparison(runs: Mapping[str, Sequence[Run]], score: str = "val/overlap_f") -> Figure | None:
-    """Plot a validation score over epochs, one line per setting, averaged over its runs.
+def curve_comparison(runs: Mapping[str, Sequence[Run]]) -> Figure | None:
+    """Plot the validation overlap F over epochs, one line per setting, averaged over its runs.
 
     Args:
         runs: Runs by name of the setting.
-        score: Column of the histories.
 
     Returns:
         The figure; None if no history contains the score.
     """
+    score = "val/overlap_f"
     lines = {}
     for name, group in runs.items():
         histories = [run.history.set_index("epoch")[score] for run in group if score in run.history]

@@ -15,20 +15,15 @@ SUPPORT_COLOR = (0.55, 0.55, 0.55)
 IGNORE_COLOR = (0.15, 0.15, 0.15)
 
 
-def instance_colors(count: int) -> npt.NDArray[np.float64]:
-    """Return easily distinguishable colours; the sequence is always the same.
+def instance_colors(number: npt.NDArray[np.integer]) -> npt.NDArray[np.float64]:
+    """Return colours of a fixed sequence, in which they are easy to tell apart.
 
     Args:
-        count: Number of colours.
+        number: int [K], places in the sequence, from 0.
 
     Returns:
-        float64 [count, 3], RGB from 0 to 1.
+        float64 [K, 3], RGB from 0 to 1.
     """
-    return _colors(np.arange(count))
-
-
-def _colors(number: npt.NDArray[np.integer]) -> npt.NDArray[np.float64]:
-    """Return the colours at the given places, int [K], in the sequence of `instance_colors`, float64 [K, 3]."""
     # Golden-ratio steps around the colour circle spread the hues evenly for any count.
     hue = (0.07 + number * GOLDEN_RATIO) % 1
     saturation = np.array([0.85, 0.6, 0.95])[number % 3]
@@ -55,7 +50,7 @@ def overlay(
     ids = distinct_labels(instances)
     objects = ids >= first
     table = np.zeros((len(ids), 4))
-    table[objects, :3] = _colors(ids[objects] - first)
+    table[objects, :3] = instance_colors(ids[objects] - first)
     table[objects, 3] = opacity
     table[~objects & (ids == SUPPORT)] = (*SUPPORT_COLOR, opacity / 2)
     table[~objects & (ids < 0)] = (*IGNORE_COLOR, opacity)

@@ -75,26 +75,25 @@ def text(value: object, link: str | None = None) -> Cell:
     return Cell(str(value), str(value), link)
 
 
-def number(value: float, digits: int = 0) -> Cell:
-    """Return a number cell; a dash for NaN."""
-    return Cell(GAP if math.isnan(value) else f"{value:.{digits}f}", float(value))
+def number(value: float) -> Cell:
+    """Return a cell with a number without decimals; a dash for NaN."""
+    return Cell(GAP if math.isnan(value) else f"{value:.0f}", float(value))
 
 
-def score(share: float, deviation: float = math.nan, best: bool = False, digits: int = 1) -> Cell:
+def score(share: float, deviation: float = math.nan, best: bool = False) -> Cell:
     """Return a cell with a score in per cent and, optionally, its standard deviation.
 
     Args:
         share: Score, 0 to 1; NaN for no score.
         deviation: Standard deviation over seeds, in the same unit; NaN for none.
         best: Whether it is the best value of its column.
-        digits: Number of decimal places.
     """
     value = PER_CENT * share
     if math.isnan(value):
         return Cell(GAP, math.nan)
-    shown = f"{value:.{digits}f}"
+    shown = f"{value:.1f}"
     if not math.isnan(deviation):
-        shown += f" ± {PER_CENT * deviation:.{digits}f}"
+        shown += f" ± {PER_CENT * deviation:.1f}"
     return Cell(shown, value, bar=min(max(value, 0), 100), best=best)
 
 

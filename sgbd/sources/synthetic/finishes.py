@@ -19,10 +19,10 @@ def plastic(rng: np.random.Generator, color: colors.Color | None = None) -> Text
     return Plain(chosen, grain=0.02, scale=0.01, seed=seed_of(rng), gloss=rng.uniform(0.15, 0.5))
 
 
-def metallic(rng: np.random.Generator, color: colors.Color | None = None) -> Texture:
+def metallic(rng: np.random.Generator) -> Texture:
     """Draw brushed metal: fine streaks and strong highlights."""
-    chosen = colors.metal(rng) if color is None else color
-    pair = np.stack([chosen * np.float32(0.95), chosen * np.float32(1.03)])
+    color = colors.metal(rng)
+    pair = np.stack([color * np.float32(0.95), color * np.float32(1.03)])
     return Speckled(pair, (0.002, 0.03, 0.03), 0.0, seed_of(rng), gloss=rng.uniform(0.5, 0.9))
 
 
