@@ -7,7 +7,7 @@ doi:10.1109/IROS.2012.6386109.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -55,6 +55,18 @@ class Pose:
     turn: Floats
 
 
+@contextmanager
+def _warnings_are_debugging_messages() -> Iterator[None]:
+    """Log MuJoCo's warnings instead of writing them to a file in the working folder; `check_stability` handles them."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(log.debug)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+@_warnings_are_debugging_messages()
 def settle(
     shapes: list[Shape], table: Table, rng: np.random.Generator, variety: Variety = VARIETIES["tabletop"]
 ) -> list[Pose | None]:
@@ -72,11 +84,6 @@ def settle(
     Raises:
         UnstableSimulationError: If the simulation diverged.
     """
-    with _warnings_are_debugging_messages():
-        return _settled(shapes, table, rng, variety)
-
-
-def _settled(shapes: list[Shape], table: Table, rng: np.random.Generator, variety: Variety) -> list[Pose | None]:
     starts = drop_poses(shapes, table, rng, variety)
     model = _model(shapes, starts, table)
     data = mujoco.MjData(model)
@@ -117,38 +124,48 @@ def drop_poses(
     halves: list[Floats] = []
     poses: list[Pose] = []
     for shape in shapes:
-        turn = _orientation(shape, rng)
-        support = neighbor = None
-        if poses and variety.stacked > 0 and rng.random() < variety.stacked:
-            yaw = rng.uniform(0, 2 * np.pi)
-            support = poses[int(rng.integers(len(poses)))]
-            if variety.aligned > 0 and rng.random() < variety.aligned:
-                yaw = _heading(support.turn)
-            turn = Rotation.from_euler("z", yaw).as_matrix()
-        elif poses and variety.beside > 0 and rng.random() < variety.beside:
-            neighbor = int(rng.integers(len(poses)))
-            turn = poses[neighbor].turn
+        turn, support, neighbor = _companion(shape, poses, variety, rng)
         half = np.abs(turn) @ (shape.extents / 2) + 0.006
-        best: Floats | None = None
+        places = []
         for _ in range(1 if support is not None or neighbor is not None else 8):
+            # Drawn even if it is not used, because existing frames depend on the order of all draws.
             angle, radius = rng.uniform(0, 2 * np.pi), reach * np.sqrt(rng.random())
-            place = np.array([center[0] + radius * np.cos(angle), center[1] + radius * np.sin(angle), 0.0])
+            place = center + radius * np.array([np.cos(angle), np.sin(angle)])
             if support is not None:
-                place[:2] = support.position[:2] + rng.normal(0, 0.015, 2)
+                place = support.position[:2] + rng.normal(0, 0.015, 2)
             elif neighbor is not None:
-                place[:2] = _beside(poses[neighbor], shapes[neighbor], shape, rng)
+                place = _beside(poses[neighbor], shapes[neighbor], shape, rng)
             below = [
                 pose.position[2] + size[2]
                 for k, (pose, size) in enumerate(zip(poses, halves, strict=True))
-                if k != neighbor and (np.abs(pose.position - place)[:2] < (half + size)[:2]).all()
+                if k != neighbor and (np.abs(pose.position[:2] - place) < (half + size)[:2]).all()
             ]
-            place[2] = max([table.height, *below]) + half[2]
-            if best is None or place[2] < best[2]:
-                best = place
-        assert best is not None
+            places.append(np.array([*place, max([table.height, *below]) + half[2]]))
         halves.append(half)
-        poses.append(Pose(best, turn))
+        poses.append(Pose(min(places, key=lambda place: place[2]), turn))
     return poses
+
+
+def _companion(
+    shape: Shape, poses: Sequence[Pose], variety: Variety, rng: np.random.Generator
+) -> tuple[Floats, Pose | None, int | None]:
+    """Draw the orientation of an object, and whether it goes on or beside one that is already placed.
+
+    Returns:
+        Its rotation [3, 3]; the pose of the object to stack it on, or None; the index of the object that it goes right
+        beside, or None.
+    """
+    turn = _orientation(shape, rng)
+    if poses and variety.stacked > 0 and rng.random() < variety.stacked:
+        yaw = rng.uniform(0, 2 * np.pi)
+        support = poses[int(rng.integers(len(poses)))]
+        if variety.aligned > 0 and rng.random() < variety.aligned:
+            yaw = _heading(support.turn)
+        return Rotation.from_euler("z", yaw).as_matrix(), support, None
+    if poses and variety.beside > 0 and rng.random() < variety.beside:
+        neighbor = int(rng.integers(len(poses)))
+        return poses[neighbor].turn, None, neighbor
+    return turn, None, None
 
 
 def _heading(turn: Floats) -> float:
@@ -163,17 +180,6 @@ def _beside(pose: Pose, there: Shape, shape: Shape, rng: np.random.Generator) ->
     gap = (there.extents[side] + shape.extents[side]) / 2 + rng.uniform(0.001, 0.008)
     offset = rng.choice([-1, 1]) * gap * pose.turn[:, side] + rng.normal(0, 0.01) * pose.turn[:, along]
     return np.asarray(pose.position + offset)[:2]
-
-
-@contextmanager
-def _warnings_are_debugging_messages() -> Iterator[None]:
-    """Log MuJoCo's warnings instead of writing them to a file in the working folder; `check_stability` handles them."""
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(log.debug)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(before)
 
 
 def check_stability(data: mujoco.MjData, count: int) -> None:
@@ -230,19 +236,10 @@ def _model(shapes: list[Shape], poses: list[Pose], table: Table) -> mujoco.MjMod
     surface = {"friction": [0.8, 0.01, 0.002], "condim": 4, "solref": [0.012, 1.0]}
     world.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], **surface)
     if table.round:
-        world.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-            size=[table.size[0] / 2, 0.1, 0],
-            pos=[0, 0, table.height - 0.1],
-            **surface,
-        )
+        kind, size = mujoco.mjtGeom.mjGEOM_CYLINDER, [table.size[0] / 2, 0.1, 0]
     else:
-        world.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[table.size[0] / 2, table.size[1] / 2, 0.1],
-            pos=[0, 0, table.height - 0.1],
-            **surface,
-        )
+        kind, size = mujoco.mjtGeom.mjGEOM_BOX, [table.size[0] / 2, table.size[1] / 2, 0.1]
+    world.add_geom(type=kind, size=size, pos=[0, 0, table.height - 0.1], **surface)
     for k, (shape, pose) in enumerate(zip(shapes, poses, strict=True)):
         body = world.add_body(name=f"object{k}", pos=pose.position, quat=_quaternion(pose.turn))
         body.add_freejoint()
