@@ -9,10 +9,7 @@ import numpy.typing as npt
 
 from sgbd.sources.synthetic import colors, finishes
 from sgbd.sources.synthetic.furniture import WALL_FURNITURE, Furniture, chair, floor_thing, wall_decoration
-from sgbd.sources.synthetic.meshes import (
-    box,
-    rotation,
-)
+from sgbd.sources.synthetic.meshes import box, rotation
 from sgbd.sources.synthetic.shapes.part import Part
 from sgbd.sources.synthetic.table import Table
 from sgbd.sources.synthetic.textures import Plain, Speckled, Stripes, Texture, Tiles, Wood

@@ -97,7 +97,8 @@ def test_depth_and_pose_agree(arrangement: scene.Arrangement) -> None:
     assert (np.abs(table[:, 2] - arrangement.table.height) < 0.003).mean() > 0.5
     for k, (shape, pose) in enumerate(zip(arrangement.shapes, arrangement.poses, strict=True)):
         pixels = points[view.segmentation == 2 + k]
-        assert (np.linalg.norm(pixels - pose.position, axis=1) < shape.radius + 0.003).all()
+        radius = max(np.linalg.norm(part.mesh.vertices, axis=1).max() for part in shape.parts)
+        assert (np.linalg.norm(pixels - pose.position, axis=1) < radius + 0.003).all()
 
 
 def test_the_structured_light_sensor_loses_some_depth_and_no_labels(arrangement: scene.Arrangement) -> None:

@@ -116,7 +116,7 @@ def test_bounding_boxes_are_centred(category: str) -> None:
     shape = SHAPES[category](np.random.default_rng(0))
     bounds = np.array([piece.mesh.bounds for piece in shape.parts])
     np.testing.assert_allclose(bounds[:, 0].min(axis=0), -bounds[:, 1].max(axis=0), atol=1e-9)
-    assert shape.radius <= np.linalg.norm(shape.extents) / 2 + 1e-9
+    np.testing.assert_allclose(2 * bounds[:, 1].max(axis=0), shape.extents, atol=1e-9)
 
 
 @pytest.mark.parametrize("category", TOD_CATEGORIES)

@@ -64,11 +64,6 @@ class Shape:
     upright: float = 0.6
 
     @property
-    def radius(self) -> float:
-        """Radius of the smallest sphere around the origin that contains the parts, metres."""
-        return max(float(np.linalg.norm(part.mesh.vertices, axis=1).max()) for part in self.parts)
-
-    @property
     def extents(self) -> Floats:
         """Lengths of the bounding box along x, y, z, metres."""
         low = np.min([part.mesh.bounds[0] for part in self.parts], axis=0)
