@@ -7,7 +7,7 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -310,33 +310,24 @@ def mean_scores(scored: Sequence[GraphScores], seen: Collection[str]) -> Evaluat
     Returns:
         The means, without scores that no frame has.
     """
-    scores: dict[str, float] = {}
-
-    def add(protocol: str, names: Mapping[str, str], means: Mapping[str, float], prefix: str = "") -> None:
-        for name, short in names.items():
-            value = means.get(prefix + name, math.nan)
-            if not math.isnan(value):
-                scores[f"{protocol}/{short}"] = value
-
     means = summarize([frame.all for frame in scored])
-    add("all", OBJECT_SCORES, means)
-    add("oracle", OBJECT_SCORES, means, prefix="oracle_")
-    add("edges", EDGE_SCORES, means)
-    add("regions", REGION_SCORES, means)
+    scores = _named("all", OBJECT_SCORES, means)
+    scores |= _named("oracle", OBJECT_SCORES, means, prefix="oracle_")
+    scores |= _named("edges", EDGE_SCORES, means)
+    scores |= _named("regions", REGION_SCORES, means)
     frames = frame_table([frame.all for frame in scored])
     own = [frame.unaided for frame in scored if frame.unaided is not None]
     if own:
-        add("unaided", OBJECT_SCORES, summarize(own))
+        scores |= _named("unaided", OBJECT_SCORES, summarize(own))
         table = frame_table(own)
         frames = frames.join(table[[name for name in OBJECT_SCORES if name in table]].add_prefix("unaided_"))
     if seen:
         frames = frames.join(_seen_and_unseen_of_frames(scored, seen).set_index(frames.index))
         oracle = [frame.oracle_by_category for frame in scored if frame.oracle_by_category is not None]
         for prefix, by_category in (("", [frame.by_category for frame in scored]), ("oracle_", oracle)):
-            for group, row in seen_and_unseen(by_category, seen).iterrows():
-                add(
-                    prefix + GROUPS[str(group)], OBJECT_SCORES, {str(name): float(value) for name, value in row.items()}
-                )
+            means_by_group = seen_and_unseen(by_category, seen)
+            for group, short in GROUPS.items():
+                scores |= _named(prefix + short, OBJECT_SCORES, means_by_group.loc[group].to_dict())
     categories = category_table([frame.by_category for frame in scored])
     if seen:
         categories["seen"] = [name in seen for name in categories.index]
@@ -345,6 +336,12 @@ def mean_scores(scored: Sequence[GraphScores], seen: Collection[str]) -> Evaluat
         return Evaluation(scores, frames, categories)
     scores |= _calibration_scores(objects)
     return Evaluation(scores, frames, categories, objects)
+
+
+def _named(protocol: str, names: Mapping[str, str], means: Mapping[Any, float], prefix: str = "") -> dict[str, float]:
+    """Return those of the means that exist, as protocol/score; `names` maps their keys, without prefix, to scores."""
+    values = {short: means.get(prefix + name, math.nan) for name, short in names.items()}
+    return {f"{protocol}/{short}": value for short, value in values.items() if not math.isnan(value)}
 
 
 def _table_of_objects(scored: Sequence[GraphScores]) -> pd.DataFrame | None:
