@@ -71,16 +71,16 @@ def kernighan_lin(
     Returns:
         int64 [N], a partition into connected segments that costs no more, numbered in the order of first appearance.
     """
+    start = number_by_first_appearance(segment)
     if pairs.size == 0 or max_rounds == 0:
-        return number_by_first_appearance(segment)
-    refined = number_by_first_appearance(segment)
+        return start
+    refined = start.copy()
     _refine(_Graph.of(pairs, weight, len(segment)), refined, max_rounds)
     # A superpixel that moved may have connected two parts of its old segment.
     inner = pairs[:, refined[pairs[0]] == refined[pairs[1]]]
     refined = connected_components(len(refined), inner)
     # Gains and costs sum in different orders. If the supposed gain was only rounding, return the original partition.
-    better = multicut_cost(pairs, weight, refined) <= multicut_cost(pairs, weight, segment)
-    return refined if better else number_by_first_appearance(segment)
+    return refined if multicut_cost(pairs, weight, refined) <= multicut_cost(pairs, weight, start) else start
 
 
 class _Graph(NamedTuple):
