@@ -11,8 +11,8 @@ scikit-image's by more than `tolerance` points (default 0.3).
 
 from __future__ import annotations
 
-import copy
 import sys
+from dataclasses import replace
 from typing import Any
 
 import pandas as pd
@@ -49,11 +49,11 @@ def with_superpixels(checkpoint: Checkpoint, option: Any) -> Checkpoint:
         checkpoint: The trained model.
         option: Configuration of the superpixels; options that the model's superpixels also have keep their values.
     """
-    recipe = copy.deepcopy(checkpoint.recipe)
-    kept = {key: value for key, value in recipe["superpixels"].items() if key in option and key != "_target_"}
+    own = checkpoint.recipe["superpixels"]
+    kept = {key: value for key, value in own.items() if key in option and key != "_target_"}
     # `describe` normalises the class name to the form used in recipes.
-    recipe["superpixels"] = describe(instantiate({**option, **kept}))
-    return Checkpoint(checkpoint.model, checkpoint.objectness, recipe, checkpoint.first_stage)
+    superpixels = describe(instantiate({**option, **kept}))
+    return replace(checkpoint, recipe={**checkpoint.recipe, "superpixels": superpixels})
 
 
 def evaluated(config: DictConfig, checkpoint: Checkpoint) -> dict[str, float]:
