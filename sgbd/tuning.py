@@ -149,13 +149,12 @@ class Tuning:
         classified = _classified(graphs, model, objectness)
 
         def partitioner(setting: Mapping[str, Any]) -> Partitioner:
-            chosen = {name: value for name, value in setting.items() if name in PARTITION_PARAMETERS}
-            made: Partitioner = instantiate({**partition, **chosen}, object, trust)  # type: ignore[assignment]
+            chosen = {**partition, **_only(PARTITION_PARAMETERS, setting)}
+            made: Partitioner = instantiate(chosen, object, trust)  # type: ignore[assignment]
             return made
 
         def rule(setting: Mapping[str, Any]) -> ObjectRule:
-            chosen = {name: value for name, value in setting.items() if name in RULE_PARAMETERS}
-            return instantiate({**objects, **chosen}, ObjectRule, trust)
+            return instantiate({**objects, **_only(RULE_PARAMETERS, setting)}, ObjectRule, trust)
 
         start = {name: getattr(partitioner({}), name, None) for name in PARTITION_PARAMETERS}
         if objectness is None:
@@ -163,19 +162,17 @@ class Tuning:
         else:
             start |= {name: getattr(rule({}), name, None) for name in RULE_PARAMETERS}
         start = {name: value for name, value in start.items() if value is not None}
-        names = list(start)
         search = _Search(classified, partitioner, None if objectness is None else rule)
-        best = self._search(search, start, names)
+        best = self._search(search, start)
         before, after = search.tried[_key(start)], search.tried[_key(best)]
-        table = search.table(names)
         log.info(
             "tuned on %d frames, %s mean of %s: %.4f before (%s), %.4f now (%s)",
             len(classified), search.protocol, ", ".join(map(score_title, SCORES)),
             _mean(before), _as_text(start), _mean(after), _as_text(best),
         )  # fmt: skip
         return TuningResult(
-            {**partition, **{name: best[name] for name in names if name in PARTITION_PARAMETERS}},
-            {**objects, **{name: best[name] for name in names if name in RULE_PARAMETERS}},
+            {**partition, **_only(PARTITION_PARAMETERS, best)},
+            {**objects, **_only(RULE_PARAMETERS, best)},
             {
                 "protocol": search.protocol,
                 "scores": list(SCORES),
@@ -184,18 +181,18 @@ class Tuning:
                 "after": _mean(after),
             },
             search.calibration(best) if self.calibrate and objectness is not None else None,
-            table,
+            search.table(list(start)),
         )
 
-    def _search(self, search: _Search, start: Setting, names: Sequence[str]) -> Setting:
-        values = {name: list(dict.fromkeys([*getattr(self, name)])) for name in names}
-        tried = {name: {*values[name], start[name]} for name in names}
+    def _search(self, search: _Search, start: Setting) -> Setting:
+        values = {name: list(dict.fromkeys(getattr(self, name))) for name in start}
+        tried = {name: {*values[name], start[name]} for name in start}
         search.score([start])
         search.score(_combinations(values))
         for _ in range(self.rounds):
             best = search.best(1)[0]
-            values = {name: _around(best[name], tried[name], whole=name == "min_area") for name in names}
-            for name in names:
+            values = {name: _around(best[name], tried[name], whole=name == "min_area") for name in start}
+            for name in start:
                 tried[name] |= {*values[name]}
             search.score(_combinations(values))
         finalists = search.best(self.finalists)
@@ -304,6 +301,10 @@ class _Search:
 
     def _rule(self, setting: Setting) -> ObjectRule | None:
         return None if self.rule is None else self.rule(setting)
+
+
+def _only(names: Sequence[str], setting: Mapping[str, Any]) -> Setting:
+    return {name: value for name, value in setting.items() if name in names}
 
 
 def _key(setting: Mapping[str, Any]) -> tuple[Any, ...]:
