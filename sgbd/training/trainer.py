@@ -608,8 +608,7 @@ def _log_row(fabric: Fabric, row: Mapping[str, float], step: int) -> None:
     """Send an epoch's numbers to all loggers, and make them write at once."""
     fabric.log_dict(row, step=step)
     for logger in fabric.loggers:
-        if hasattr(logger, "save"):
-            logger.save()
+        logger.save()
 
 
 def _summary(loss: float, score: float | None, best: Mapping[str, Any]) -> str:
