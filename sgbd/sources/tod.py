@@ -64,6 +64,16 @@ class _View(NamedTuple):
         return f"{self.scene}/{self.number}"
 
 
+class _Files(NamedTuple):
+    """The files of a view; the last two may not exist."""
+
+    rgb: Path
+    depth: Path
+    segmentation: Path
+    semseg: Path
+    description: Path
+
+
 class VisibleObject(NamedTuple):
     """An object that is visible in a frame.
 
@@ -250,9 +260,9 @@ root/
             FrameError: If the images differ in size or contain no depth.
         """
         view = self._views[index]
-        rgb_path, depth_path, _, _, description_path = self._files(view)
-        rgb = read_rgb(rgb_path)
-        description = _read_description(description_path)
+        files = self._files(view)
+        rgb = read_rgb(files.rgb)
+        description = _read_description(files.description)
         instances, objects = self._truth(view, description)
         if self._filters_unseen and self.unseen_objects == "ignore":
             ignored = [item.instance for item in objects if item.category not in self.seen]
@@ -260,8 +270,8 @@ root/
             instances = np.where(np.isin(instances, ignored), np.int32(IGNORE), instances)
         return Frame(
             rgb=rgb,
-            depth=read_depth(depth_path),
-            intrinsics=self._camera(rgb.shape[1], rgb.shape[0], description, description_path),
+            depth=read_depth(files.depth),
+            intrinsics=self._camera(rgb.shape[1], rgb.shape[0], description, files.description),
             instances=instances,
             categories={item.instance: item.category for item in objects if item.category is not None},
             name=view.name,
@@ -274,7 +284,7 @@ root/
             FrameReadError: If a file is missing, damaged, or contains an unknown category.
         """
         view = self._views[index]
-        return self._truth(view, _read_description(self._files(view)[4]))[1]
+        return self._truth(view, _read_description(self._files(view).description))[1]
 
     def semantic_mask(self, index: int) -> npt.NDArray[np.uint16]:
         """Return the semantic mask of a frame, i.e. the content that its `semseg` file has or should have.
@@ -287,7 +297,7 @@ root/
             FrameReadError: If a file is missing, damaged, or contains an unknown category.
         """
         view = self._views[index]
-        instances, objects = self._truth(view, _read_description(self._files(view)[4]))
+        instances, objects = self._truth(view, _read_description(self._files(view).description))
         value = np.zeros(max(int(instances.max()), SUPPORT) + 1, np.uint16)
         value[SUPPORT] = len(self.category_names) + 1
         for item in objects:
@@ -299,9 +309,9 @@ root/
         # Cover all candidates: the filters are part of the options, so that a fingerprint needs no image to be read.
         return ((view.name, self._files(view)) for view in self._candidates[0])
 
-    def _files(self, view: _View) -> tuple[Path, ...]:
+    def _files(self, view: _View) -> _Files:
         scene = self.root / view.scene
-        return (
+        return _Files(
             scene / f"rgb_{view.number}{view.suffix}",
             scene / f"depth_{view.number}.png",
             scene / f"segmentation_{view.number}.png",
@@ -353,14 +363,14 @@ root/
             views[_View(scene, match["view"], suffix)] = None
         if len(views) < len(entries):
             log.warning("%s names %d frames twice; each is read once", path, len(entries) - len(views))
-        if views and not any(self._files(view)[0].exists() for view in views):
-            first = self._files(next(iter(views)))[0]
+        if views and not any(self._files(view).rgb.exists() for view in views):
+            first = self._files(next(iter(views))).rgb
             raise self._not_found(f"none of the {len(views)} frames that {path} lists is there; the first is {first}")
         return tuple(views), 0
 
     def _rgb_suffix(self, scene: str, number: str) -> str:
         """Return the suffix of the colour image of a view; TOD's if there is no such image."""
-        present = (s for s in _RGB_SUFFIXES if self._files(_View(scene, number, s))[0].exists())
+        present = (s for s in _RGB_SUFFIXES if self._files(_View(scene, number, s)).rgb.exists())
         return next(present, _RGB_SUFFIXES[0])
 
     def _views_of_folder(self) -> tuple[tuple[_View, ...], int]:
@@ -443,13 +453,13 @@ root/
         """Return the name of the rule that leaves a candidate out, or None if it is kept."""
         try:
             if self._filters_unseen:
-                _, objects = self._truth(view, _read_description(self._files(view)[4]))
+                _, objects = self._truth(view, _read_description(self._files(view).description))
                 seen = [item.pixels for item in objects if item.category in self.seen]
                 if self.unseen_objects == "leave_out" and len(seen) < len(objects):
                     return "unseen_objects"
                 pixels = np.array(seen, dtype=int)
             else:
-                pixels = np.bincount(read_labels(self._files(view)[2]).ravel())[SUPPORT + 1 :]
+                pixels = np.bincount(read_labels(self._files(view).segmentation).ravel())[SUPPORT + 1 :]
         except FrameReadError:
             return None  # kept, so that reading the frame reports it
         enough = np.count_nonzero(pixels >= max(1, self.min_object_pixels)) >= self.min_objects
@@ -457,12 +467,12 @@ root/
 
     def _truth(self, view: _View, description: Mapping[str, Any]) -> tuple[npt.NDArray[np.int32], list[VisibleObject]]:
         """Return the segmentation of a view and the objects in it."""
-        _, _, segmentation_path, semseg_path, _ = self._files(view)
-        instances = read_labels(segmentation_path)
+        files = self._files(view)
+        instances = read_labels(files.segmentation)
         pixels = np.bincount(instances.ravel())
         visible = SUPPORT + 1 + np.flatnonzero(pixels[SUPPORT + 1 :])
-        if semseg_path.exists():
-            categories = self._categories_of_pixels(instances, read_labels(semseg_path), semseg_path)
+        if files.semseg.exists():
+            categories = self._categories_of_pixels(instances, read_labels(files.semseg), files.semseg)
             synsets: dict[int, str] = {}
         else:
             synsets = _synsets_of_meshes(visible.tolist(), description)
