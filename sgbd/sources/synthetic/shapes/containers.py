@@ -15,6 +15,7 @@ from sgbd.sources.synthetic.shapes.part import (
     solid_box,
     solid_cylinder,
     solid_hull,
+    squashed,
 )
 from sgbd.sources.synthetic.textures import Bands, Plain, Printed, Stripes, Texture
 
@@ -48,9 +49,7 @@ def ashcan(rng: np.random.Generator) -> Shape:
         Part("bucket", lathe(bucket, 32, squash), body),
         Part("rim", moved(lathe(_hoop(top + rim / 3, rim), 32, squash), shift=(0, 0, height - rim / 2)), trim),
     ]
-    solids = list(
-        hollow([(bottom, 0), (top, height)], [(bottom - wall - 0.004, wall + 0.004), (top - wall - 0.004, height)])
-    )
+    solids = hollow([(bottom, 0), (top, height)], [(bottom - wall - 0.004, wall + 0.004), (top - wall - 0.004, height)])
     kind = rng.choice(3, p=(0.5, 0.25, 0.25))
     if kind > 0:
         rise = top * (0.25 if kind == 1 else 0.5)
@@ -85,7 +84,7 @@ def ashcan(rng: np.random.Generator) -> Shape:
             )
         ]
     if squash != 1.0:
-        solids = [_squashed(s, squash) for s in solids]
+        solids = squashed(solids, squash)
     return assemble("ashcan", parts, solids, upright=0.65)
 
 
@@ -199,8 +198,8 @@ def bowl(rng: np.random.Generator) -> Shape:
             )
         )
     middle = outside[4]
-    solids = list(hollow([outside[0], middle], [inside[0], inside[4]], 10))
-    solids += hollow([middle, outside[8]], [inside[4], inside[8]], 10)[:-1]
+    solids = hollow([outside[0], middle], [inside[0], inside[4]])
+    solids += hollow([middle, outside[8]], [inside[4], inside[8]], floor=False)
     solids.append(solid_cylinder(foot, lift + wall, (0, 0, (lift + wall) / 2)))
     return assemble("bowl", parts, solids, upright=0.8)
 
@@ -309,9 +308,7 @@ def mug(rng: np.random.Generator) -> Shape:
         Part("cup", lathe(profile, 32), texture),
         Part("handle", tube(path, thickness, 8, flatten=1.3), handle),
     ]
-    solids = list(
-        hollow([(foot, 0), (radius, height)], [(foot - wall - 0.002, 0.008), (radius - wall - 0.002, height)], 8)
-    )
+    solids = hollow([(foot, 0), (radius, height)], [(foot - wall - 0.002, 0.008), (radius - wall - 0.002, height)], 8)
     outer = radius + reach
     bar = (reach + thickness, 2.2 * thickness, 2 * thickness)
     solids += [solid_box(bar, (radius + reach / 2, 0, 0.52 * height + s * drop)) for s in (-1, 1)]
@@ -366,8 +363,8 @@ def pot(rng: np.random.Generator) -> Shape:
             solid_cylinder(0.02, 0.028, (0, 0, height + rise + 0.012)),
         ]
     else:
-        solids = list(
-            hollow([(foot, 0), (radius, height)], [(foot - wall - 0.003, 0.01), (radius - wall - 0.002, height)], 12)
+        solids = hollow(
+            [(foot, 0), (radius, height)], [(foot - wall - 0.003, 0.01), (radius - wall - 0.002, height)], 12
         )
     if rng.random() < 0.7:
         reach = radius * rng.uniform(0.3, 0.45)
@@ -410,10 +407,3 @@ def _rounded(points: np.ndarray, radius: float) -> np.ndarray:
     inset = points - radius * np.sign(points - middle)
     ball = ellipsoid((radius,) * 3, subdivisions=1).vertices
     return (inset[:, None] + ball).reshape(-1, 3)
-
-
-def _squashed(solid: Solid, squash: float) -> Solid:
-    """Return a solid scaled along y: hulls exactly, a floor disc by its shorter radius."""
-    if solid.kind == "hull":
-        return solid_hull(solid.size * [1, squash, 1])
-    return Solid(solid.kind, solid.size * [squash, 1], solid.center, solid.turn)

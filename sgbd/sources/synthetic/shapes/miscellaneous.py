@@ -30,6 +30,7 @@ from sgbd.sources.synthetic.shapes.part import (
     solid_box,
     solid_cylinder,
     solid_hull,
+    squashed,
 )
 from sgbd.sources.synthetic.textures import Plain, Printed, Speckled, Stripes, Texture
 
@@ -102,14 +103,10 @@ def cap(rng: np.random.Generator) -> Shape:
         Part("peak", peak, peak_texture),
         Part("button", ellipsoid((0.009, 0.009, 0.006), (0, 0, height), 2), peak_texture),
     ]
-    solids = list(
-        _squashed(
-            hollow(
-                [(radius, 0), (0.8 * radius, 0.62 * height)], [(radius - 0.008, 0), (0.74 * radius, 0.6 * height)], 10
-            )[:-1],
-            squash,
-        )
+    wall = hollow(
+        [(radius, 0), (0.8 * radius, 0.62 * height)], [(radius - 0.008, 0), (0.74 * radius, 0.6 * height)], floor=False
     )
+    solids = squashed(wall, squash)
     solids.append(
         solid_hull(
             lathe([(0, 0.6 * height), (0.8 * radius, 0.6 * height), *outside[4:-1], (0, height)], 14, squash).vertices
@@ -144,16 +141,12 @@ def helmet(rng: np.random.Generator) -> Shape:
         texture = Speckled(pair, (0.03, 0.03, 0.03), 0.8, finishes.seed_of(rng), gloss=0.2)
     parts = [Part("shell", shell, texture)]
     trim = finishes.plastic(rng)
-    solids = list(
-        _squashed(
-            hollow(
-                [(0.97 * radius, 0), (0.9 * radius, skirt + 0.45 * (height - skirt))],
-                [(0.85 * radius, 0), (0.78 * radius, skirt + 0.4 * (height - skirt))],
-                10,
-            )[:-1],
-            squash,
-        )
+    wall = hollow(
+        [(0.97 * radius, 0), (0.9 * radius, skirt + 0.45 * (height - skirt))],
+        [(0.85 * radius, 0), (0.78 * radius, skirt + 0.4 * (height - skirt))],
+        floor=False,
     )
+    solids = squashed(wall, squash)
     top = skirt + 0.42 * (height - skirt)
     solids.append(solid_hull(lathe([(0, top), (0.9 * radius, top), *outside[4:-1], (0, height)], 14, squash).vertices))
     kind = rng.choice(3)
@@ -169,14 +162,10 @@ def helmet(rng: np.random.Generator) -> Shape:
         ridge = arc((0, 0, skirt), (radius * squash * 0.97, height - skirt + 0.006), 0.35, np.pi - 0.35, "yz", 16)
         parts.append(Part("ridge", tube(ridge, 0.008, 8), main))
         # A disc below the shell would close it, so the brim is made part of the lowest ring for collisions.
-        solids += list(
-            _squashed(
-                hollow([(1.22 * radius, 0), (1.0 * radius, 0.012)], [(0.9 * radius, 0.0), (0.9 * radius, 0.01)], 10)[
-                    :-1
-                ],
-                squash,
-            )
+        rim = hollow(
+            [(1.22 * radius, 0), (1.0 * radius, 0.012)], [(0.9 * radius, 0), (0.9 * radius, 0.01)], floor=False
         )
+        solids += squashed(rim, squash)
     elif kind == 1:
         band = np.array(
             [
@@ -288,7 +277,3 @@ def _peak(half_width: float, edge: float, reach: float, bend: float) -> trimesh.
                 points += [(x[i] * half_width, y, sag[i] + 0.002), (x[i] * half_width, y, sag[i] + 0.006)]
         slices.append(hull(points))
     return joined(slices)
-
-
-def _squashed(solids: tuple[Solid, ...], squash: float) -> list[Solid]:
-    return [solid_hull(s.size * [1, squash, 1]) for s in solids]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -86,13 +87,14 @@ def solid_hull(points: npt.ArrayLike) -> Solid:
     return Solid("hull", np.asarray(points, float))
 
 
-def hollow(outer: npt.ArrayLike, inner: npt.ArrayLike, sections: int = 10) -> tuple[Solid, ...]:
+def hollow(outer: npt.ArrayLike, inner: npt.ArrayLike, sections: int = 10, floor: bool = True) -> list[Solid]:
     """Return the wall of a round vessel as wedges, so that other objects can fall into it.
 
     Args:
         outer: (radius, height) at the bottom and at the top of the outside, [2, 2].
         inner: (radius, height) at the bottom and at the top of the inside, [2, 2].
         sections: Number of wedges.
+        floor: Whether the vessel has a floor.
 
     Returns:
         The wedges, and a disc for the floor between the two lower heights.
@@ -110,8 +112,19 @@ def hollow(outer: npt.ArrayLike, inner: npt.ArrayLike, sections: int = 10) -> tu
             for r, z, k in ((r0, z0, swell), (r1, z1, swell), (q0, w0, 1.0), (q1, w1, 1.0))
         ]
         solids.append(solid_hull(points))
-    solids.append(solid_cylinder(r0, max(w0 - z0, 0.004), (0, 0, (z0 + w0) / 2)))
-    return tuple(solids)
+    if floor:
+        solids.append(solid_cylinder(r0, max(w0 - z0, 0.004), (0, 0, (z0 + w0) / 2)))
+    return solids
+
+
+def squashed(solids: Iterable[Solid], squash: float) -> list[Solid]:
+    """Return solids scaled along y: hulls exactly, a floor disc by its shorter radius."""
+    return [
+        solid_hull(solid.size * [1, squash, 1])
+        if solid.kind == "hull"
+        else Solid(solid.kind, solid.size * [squash, 1], solid.center, solid.turn)
+        for solid in solids
+    ]
 
 
 def assemble(category: str, parts: list[Part], solids: list[Solid], upright: float = 0.6) -> Shape:
