@@ -12,9 +12,10 @@ from sgbd.checkpoint import find_checkpoint
 from sgbd.frame import FrameError
 from sgbd.jobs.configuration import ConfigurationError, entry_point, output_folder
 from sgbd.machine.progress_bar import ProgressBar
-from sgbd.prediction import find_frames, label_images_in_the_way, segment_ahead, write_segmentation
+from sgbd.prediction import label_images_in_the_way, segment_ahead, write_segmentation
 from sgbd.segmenter import Segmenter
 from sgbd.sources.camera import intrinsics_from
+from sgbd.sources.find_frames import find_frames
 
 log = logging.getLogger(__name__)
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import imageio.v3 as iio
 import numpy as np
 
 from sgbd.frame import Frame
@@ -31,6 +32,13 @@ def scene(number: int) -> Frame:
     rgb = np.clip(rgb + rng.integers(-6, 7, rgb.shape), 0, 255).astype(np.uint8)
     names = {place + 2: CATEGORIES[(place + number) % 3] for place in range(3)}
     return Frame(rgb, depth, None, instances, names, f"scene{number}")
+
+
+def write_pair(frame: Frame, rgb: Path, depth: Path) -> None:
+    """Write colours and depth of a frame to two files, the depth in millimetres; their folders are created."""
+    for path, image in ((rgb, frame.rgb), (depth, (frame.depth * 1000).round().astype(np.uint16))):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        iio.imwrite(path, image)
 
 
 class Scenes(FrameSource):
