@@ -201,17 +201,22 @@ def main(config: DictConfig) -> None:
     write_figure(importance_figure(summary), folder / "feature_importance.png")
     # A single forest has no deviations.
     table = summary.dropna(axis="columns", how="all").map("{:.3f}".format).to_markdown(disable_numparse=True)
+    text = f"{_circumstances(config, accuracies)}\n\n{table}"
+    write_whole(folder / "feature_importance.md", f"{text}\n".encode())
+    print(f"\n{text}\n\nTable and figure: {folder}")
+
+
+def _circumstances(config: DictConfig, accuracies: Sequence[float]) -> str:
+    """Say what the forests were trained on, and how accurate they are."""
     several = len(accuracies) > 1
     deviation = f" ± {100 * np.std(accuracies, ddof=1):.1f}" if several else ""
     trees = f"{config.trees} trees"
     forests = f"{config.runs} forests of {trees}, each on" if several else f"A forest of {trees} on"
-    summary_text = (
+    return (
         f"{forests} {config.pairs} pairs of other superpixels of the training frames; balanced accuracy on "
         f"{config.pairs} pairs of {config.held_out} frames {100 * np.mean(accuracies):.1f}{deviation} %."
         + (" Mean and sample standard deviation over the forests." if several else "")
     )
-    write_whole(folder / "feature_importance.md", f"{summary_text}\n\n{table}\n".encode())
-    print(f"\n{summary_text}\n\n{table}\n\nTable and figure: {folder}")
 
 
 if __name__ == "__main__":
