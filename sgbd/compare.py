@@ -30,7 +30,6 @@ def main(config: DictConfig) -> None:
     workers = count_workers(config.workers)
     source = frame_source_of_split(config.dataset, workers, config.split)
     out = output_folder()
-    out.mkdir(parents=True, exist_ok=True)
     write_whole(out / "config.yaml", OmegaConf.to_yaml(config, resolve=True).encode())
     if "cost" in sections:
         _measure(config, source, out)

@@ -196,7 +196,6 @@ def main(config: DictConfig) -> None:
         accuracies.append(accuracy)
     summary = summarize(runs)
     folder = output_folder()
-    folder.mkdir(parents=True, exist_ok=True)
     write_whole(folder / "feature_importance.csv", summary.to_csv().encode())
     write_figure(importance_figure(summary), folder / "feature_importance.png")
     # A single forest has no deviations.

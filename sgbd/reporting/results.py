@@ -30,7 +30,6 @@ def write_evaluation(evaluation: Evaluation, folder: Path) -> None:
         evaluation: The scores.
         folder: Output folder; created if needed.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     write_whole(folder / "scores.json", json.dumps(evaluation.scores, indent=2).encode())
     write_whole(folder / "scores.md", f"{markdown(evaluation)}\n".encode())
     write_whole(folder / "frames.csv", evaluation.frames.to_csv().encode())
