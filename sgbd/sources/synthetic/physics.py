@@ -98,7 +98,7 @@ def settle(
                 break
     mujoco.mj_forward(model, data)
     check_stability(data, count)
-    check_penetration(model, data, table)
+    check_penetration(data, table)
     speed = _speeds(data, count)
     poses: list[Pose | None] = []
     for k in range(count):
@@ -197,7 +197,7 @@ def check_stability(data: mujoco.MjData, count: int) -> None:
         raise UnstableSimulationError(f"an object is {farthest:.0f} m away")
 
 
-def check_penetration(model: mujoco.MjModel, data: mujoco.MjData, table: Table) -> None:
+def check_penetration(data: mujoco.MjData, table: Table) -> None:
     """Raise UnstableSimulationError if objects on the table penetrate each other or the table too deeply."""
     if data.ncon == 0:
         return

@@ -194,7 +194,7 @@ def test_deep_penetration_is_noticed() -> None:
     data.qpos[7:10] = [0, 0, 0.83]
     mujoco.mj_forward(model, data)
     with pytest.raises(physics.UnstableSimulationError, match="20 mm inside"):
-        physics.check_penetration(model, data, table())
+        physics.check_penetration(data, table())
 
 
 def test_touching_is_no_penetration() -> None:
@@ -203,7 +203,7 @@ def test_touching_is_no_penetration() -> None:
     data.qpos[7:10] = [0, 0, 0.8498]
     mujoco.mj_forward(model, data)
     assert data.ncon > 0
-    physics.check_penetration(model, data, table())
+    physics.check_penetration(data, table())
 
 
 @pytest.mark.parametrize(
