@@ -5,6 +5,9 @@ Source of the conversion: IEC 61966-2-1 (sRGB) and CIE 15 (L*a*b*, D65), as `ski
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from functools import partial
+
 import numpy as np
 import numpy.typing as npt
 
@@ -43,16 +46,31 @@ def gaussian_weights(sigma: float) -> npt.NDArray[np.float32]:
     return (weights / (weights[0] + 2 * weights[1:].sum())).astype(np.float32)
 
 
-def write_lab(
-    rgb: npt.NDArray[np.uint8],
-    intensities: npt.NDArray[np.float32],
-    to_xyz: npt.NDArray[np.float32],
-    scale: np.float32,
-    scratch: npt.NDArray[np.float32],
-    planes: Planes,
-    first: int,
-    last: int,
-) -> None:
+def lab_jobs(
+    rgb: npt.NDArray[np.uint8], compactness: float, planes: Planes, rows: Sequence[tuple[int, int]]
+) -> list[Callable[[], None]]:
+    """Return jobs that convert an image to Lab, one for each band of rows.
+
+    Args:
+        rgb: uint8 [H, W, 3].
+        compactness: L, a and b are divided by this.
+        planes: float32 [3, H, W], written by the jobs.
+        rows: First row of each band, and the row after its last.
+    """
+    intensities, scale = linear_intensities(rgb), np.float32(1 / compactness)
+    jobs: list[Callable[[], None]] = []
+    for band in rows:
+        scratch = np.empty((4, rgb.shape[1]), np.float32)
+        views = scratch, scratch[3].view(np.int32), planes, planes.view(np.int32)
+        jobs.append(partial(_write_lab, rgb, intensities, TO_XYZ, scale, *views, *band))
+    return jobs
+
+
+# Division by zero gives infinity, as in NumPy: checking for it would prevent vectorisation of the loops.
+@compiled(error_model="numpy")
+def _write_lab(  # type: ignore[no-untyped-def]
+    rgb, intensities, to_xyz, scale, scratch, bits, planes, guesses, first, last
+):
     """Convert a band of rows to Lab.
 
     Args:
@@ -61,21 +79,12 @@ def write_lab(
         to_xyz: float32 [3, 3], `TO_XYZ`.
         scale: float32, factor by which L, a and b are multiplied.
         scratch: float32 [4, W], work space.
+        bits: int32 [W], the memory of the last row of `scratch`.
         planes: float32 [3, H, W], written in the rows `first` to `last` - 1.
+        guesses: int32 [3, H, W], the memory of `planes`.
         first: First row of the band.
         last: Row after the band.
     """
-    _write_lab(
-        rgb, intensities, to_xyz, scale, scratch, scratch[3].view(np.int32), planes, planes.view(np.int32), first, last
-    )
-
-
-# Division by zero gives infinity, as in NumPy: checking for it would prevent vectorisation of the loops.
-@compiled(error_model="numpy")
-def _write_lab(  # type: ignore[no-untyped-def]
-    rgb, intensities, to_xyz, scale, scratch, bits, planes, guesses, first, last
-):
-    """The loop of `write_lab`. `bits` is the last row of `scratch`, and `guesses` is `planes`, both viewed as int32."""
     width = rgb.shape[1]
     red, green, blue, tristimulus = scratch[0], scratch[1], scratch[2], scratch[3]
     third, toe = np.float32(1 / 3), np.float32(0.008856)
@@ -147,13 +156,30 @@ def write_depth(depth, percentile, scale, histogram, planes):  # type: ignore[no
             planes[2, row, column] = np.float32(0)
 
 
-@compiled
-def smooth(planes, weights, padded, smoothed, first, last):  # type: ignore[no-untyped-def]
-    """Smooth a band of rows with a separable Gaussian; beyond its rim the image is mirrored.
+def smoothing_jobs(
+    planes: Planes, weights: npt.NDArray[np.float32], smoothed: Planes, rows: Sequence[tuple[int, int]]
+) -> list[Callable[[], None]]:
+    """Return jobs that smooth planes with a separable Gaussian, one for each band of rows.
+
+    Beyond its rim the image is mirrored.
 
     Args:
         planes: float32 [3, H, W].
         weights: float32 [radius + 1], from `gaussian_weights`.
+        smoothed: float32 [3, H, W], written by the jobs.
+        rows: First row of each band, and the row after its last.
+    """
+    room = planes.shape[2] + 2 * (len(weights) - 1)
+    return [partial(_smooth, planes, weights, np.empty(room, np.float32), smoothed, *band) for band in rows]
+
+
+@compiled
+def _smooth(planes, weights, padded, smoothed, first, last):  # type: ignore[no-untyped-def]
+    """Smooth a band of rows.
+
+    Args:
+        planes: float32 [3, H, W].
+        weights: float32 [radius + 1].
         padded: float32 [W + 2 radius], work space.
         smoothed: float32 [3, H, W], written in the rows `first` to `last` - 1.
         first: First row of the band.

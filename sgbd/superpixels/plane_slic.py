@@ -12,7 +12,7 @@ from sgbd.frame import Frame
 from sgbd.machine.compiled import HAS_NUMBA
 from sgbd.machine.reused_memory import reused
 from sgbd.machine.side_by_side import bands, side_by_side, thread_count
-from sgbd.superpixels.feature_planes import TO_XYZ, gaussian_weights, linear_intensities, smooth, write_lab
+from sgbd.superpixels.feature_planes import gaussian_weights, lab_jobs, smoothing_jobs
 from sgbd.superpixels.fragments import connected_superpixels
 from sgbd.superpixels.local_k_means import Cells, batches
 from sgbd.superpixels.region_merging import merge_alike
@@ -116,22 +116,12 @@ class PlaneSlic:
         weights = gaussian_weights(self.rgb_sigma)
         smoothed = len(weights) > 1
         lab = reused("lab", (3, height, width), np.float32) if smoothed else planes[:3]
-        intensities, color_scale = linear_intensities(frame.rgb), np.float32(1 / self.compactness)
         depth_scale = np.float32(1 / self.depth_noise)
-        colors = [
-            partial(
-                write_lab, frame.rgb, intensities, TO_XYZ, color_scale, np.empty((4, width), np.float32), lab, *band
-            )
-            for band in rows
-        ]
-        depths = [partial(write_inverse_depth, frame.depth, depth_scale, planes[DISPARITY], *band) for band in rows]
-        side_by_side([*colors, *depths], threads)
+        jobs = lab_jobs(frame.rgb, self.compactness, lab, rows)
+        jobs += [partial(write_inverse_depth, frame.depth, depth_scale, planes[DISPARITY], *band) for band in rows]
+        side_by_side(jobs, threads)
         if smoothed:
-            padded = width + 2 * (len(weights) - 1)
-            side_by_side(
-                [partial(smooth, lab, weights, np.empty(padded, np.float32), planes[:3], *band) for band in rows],
-                threads,
-            )
+            side_by_side(smoothing_jobs(lab, weights, planes[:3], rows), threads)
         return planes
 
     def _nearest_centers(self, planes: npt.NDArray[np.float32], threads: int) -> npt.NDArray[np.int32]:

@@ -16,13 +16,11 @@ from sgbd.machine.reused_memory import reused
 from sgbd.machine.side_by_side import bands, side_by_side, thread_count
 from sgbd.superpixels.feature_planes import (
     FARTHEST,
-    TO_XYZ,
     gaussian_weights,
-    linear_intensities,
-    smooth,
+    lab_jobs,
+    smoothing_jobs,
     unweighted,
     write_depth,
-    write_lab,
 )
 from sgbd.superpixels.fragments import connected_superpixels
 from sgbd.superpixels.local_k_means import Cells, Planes, assign, batches, cluster, work_space
@@ -141,17 +139,10 @@ class FastSlic(Slic):
         """Return the planes to cluster, each with whether it is weighted, see `cluster`."""
         shape = (3, frame.height, frame.width)
         images, jobs = [], []
-        bands = self._bands(frame.height)
         if self.rgb:
             lab = reused("lab", shape, np.float32)
             images.append((lab, False))
-            intensities, scale = linear_intensities(frame.rgb), np.float32(1 / self.rgb_compactness)
-            jobs += [
-                partial(
-                    write_lab, frame.rgb, intensities, TO_XYZ, scale, np.empty((4, frame.width), np.float32), lab, *band
-                )
-                for band in bands
-            ]
+            jobs += lab_jobs(frame.rgb, self.rgb_compactness, lab, self._bands(frame.height))
         if self.depth:
             depth = reused("depth", shape, np.float32)
             images.append((depth, True))
@@ -168,13 +159,7 @@ class FastSlic(Slic):
         if len(weights) == 1:
             return planes
         smoothed = reused("smoothed_depth" if weighted else "smoothed_lab", planes.shape, np.float32)
-        padded = planes.shape[2] + 2 * (len(weights) - 1)
-        run(
-            [
-                partial(smooth, planes, weights, np.empty(padded, np.float32), smoothed, *band)
-                for band in self._bands(planes.shape[1])
-            ]
-        )
+        run(smoothing_jobs(planes, weights, smoothed, self._bands(planes.shape[1])))
         return unweighted(smoothed, planes) if weighted else smoothed
 
     def _bands(self, rows: int) -> list[tuple[int, int]]:

@@ -5,20 +5,18 @@ from skimage.color import rgb2lab
 
 from sgbd.superpixels.feature_planes import (
     FARTHEST,
-    TO_XYZ,
     gaussian_weights,
-    linear_intensities,
-    smooth,
+    lab_jobs,
+    smoothing_jobs,
     unweighted,
     write_depth,
-    write_lab,
 )
 
 
 def _lab(rgb: np.ndarray) -> np.ndarray:
     planes = np.empty((3, *rgb.shape[:2]), np.float32)
-    space = np.empty((4, rgb.shape[1]), np.float32)
-    write_lab(rgb, linear_intensities(rgb), TO_XYZ, np.float32(1), space, planes, 0, rgb.shape[0])
+    for job in lab_jobs(rgb, 1.0, planes, [(0, rgb.shape[0])]):
+        job()
     return planes.transpose(1, 2, 0)
 
 
@@ -29,10 +27,9 @@ def _depth(depth: np.ndarray, percentile: int = 98) -> np.ndarray:
 
 
 def _smooth(planes: np.ndarray, sigma: float) -> np.ndarray:
-    weights = gaussian_weights(sigma)
     smoothed = np.empty_like(planes)
-    padded = np.empty(planes.shape[2] + 2 * (len(weights) - 1), np.float32)
-    smooth(planes, weights, padded, smoothed, 0, planes.shape[1])
+    for job in smoothing_jobs(planes, gaussian_weights(sigma), smoothed, [(0, planes.shape[1])]):
+        job()
     return smoothed
 
 
