@@ -142,6 +142,35 @@ def mean_objectness(
     return mean
 
 
+def agreement(
+    segment: npt.NDArray[np.int64],
+    pairs: npt.NDArray[np.int64],
+    probability: npt.NDArray[np.float32],
+    border_length: npt.NDArray[np.float32],
+) -> npt.NDArray[np.float64]:
+    """Return how well the edges of each segment agree with the partition.
+
+    Args:
+        segment: int64 [N], segment of each superpixel, 0..S-1.
+        pairs: int64 [2, E].
+        probability: float32 [E], merge probabilities.
+        border_length: float32 [E], pixels. Pairs that do not touch (bounding-box adjacency) count as one pixel.
+
+    Returns:
+        float64 [S], mean probability, weighted by border length, that the inner edges of the segment merge and its
+        outer edges cut; 1 without edges.
+    """
+    count = int(segment.max(initial=-1)) + 1
+    weight = np.maximum(border_length, 1)
+    first, second = segment[pairs]
+    inside = first == second
+    right = np.where(inside, probability, 1 - probability) * weight
+    total, agreeing = np.bincount(first, weight, count), np.bincount(first, right, count)
+    total += np.bincount(second[~inside], weight[~inside], count)
+    agreeing += np.bincount(second[~inside], right[~inside], count)
+    return np.where(total > 0, agreeing / np.maximum(total, 1e-9), 1.0)
+
+
 def partition_graph(
     data: Data | GraphTensors,
     classification: Classification,
@@ -174,24 +203,11 @@ def partition_graph(
             f"{type(partition).__name__} must give the segment of each of {len(area)} superpixels, an array of shape "
             f"[{len(area)}]; got {list(np.shape(segment))}"
         )
-    count = int(segment.max(initial=-1)) + 1
-    segment_area = np.bincount(segment, area, count)
-
-    # Pairs that do not touch (bounding-box adjacency) get the weight of one border pixel.
-    weight = np.maximum(length, 1)
-    inside = segment[pairs[0]] == segment[pairs[1]]
-    right = np.where(inside, probability, 1 - probability) * weight
-    first = segment[pairs[0]]
-    total = np.bincount(first, weight, count)
-    agreement = np.bincount(first, right, count)
-    second = segment[pairs[1]][~inside]
-    total += np.bincount(second, weight[~inside], count)
-    agreement += np.bincount(second, right[~inside], count)
-    confidence = np.where(total > 0, agreement / np.maximum(total, 1e-9), 1.0)
-
+    segment_area = np.bincount(segment, area)
     objectness = mean_objectness(segment, area, classification.objectness)
-    score = objectness * confidence
-    if calibration is not None:
+    if calibration is None:
+        score = objectness * agreement(segment, pairs, probability, length)
+    else:
         score = calibration(segment_features(segment, area, pairs, probability, length, classification.objectness))
     return Segments(
         segment=segment,
