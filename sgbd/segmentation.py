@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from contextlib import nullcontext
 from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING
@@ -55,8 +56,9 @@ def classify(model: nn.Module, objectness: nn.Module | None, data: Data | GraphT
     device = _device_of(model)
     # PyG moves a graph in place, so move a shallow copy.
     moved = copy.copy(data).to(device)
-    # A caller's autocast, meant for other networks, must not lower the precision.
-    with torch.autocast(device.type, enabled=False):
+    # A caller's autocast, meant for other networks, must not lower the precision. Some devices have none.
+    can_autocast = torch.amp.is_autocast_available(device.type)
+    with torch.autocast(device.type, enabled=False) if can_autocast else nullcontext():
         return Classification(probability(model(moved)), None if objectness is None else probability(objectness(moved)))
 
 
