@@ -104,16 +104,21 @@ def test_the_table_of_groups_lists_every_option():
     assert {path.name for path in CONF.iterdir() if path.is_dir()} <= shown
 
 
+def anchors(page: str) -> set[str]:
+    headings = re.findall(r"^#+ (.+)$", re.sub(r"^```.*?^```", "", page, flags=re.M | re.S), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_every_link_leads_somewhere(page):
-    links = re.findall(r"\]\(([^)\s]+)\)", PAGES[page])
-    headings = re.findall(r"^#+ (.+)$", re.sub(r"^```.*?^```", "", PAGES[page], flags=re.M | re.S), re.MULTILINE)
-    anchors = {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
-    for link in links:
-        if link.startswith("#"):
-            assert link[1:] in anchors, link
-        elif not link.startswith("http"):
-            assert (ROOT / Path(page).parent / link).exists(), link
+    for link in re.findall(r"\]\(([^)\s]+)\)", PAGES[page]):
+        if link.startswith("http"):
+            continue
+        path, _, anchor = link.partition("#")
+        target = ROOT / (Path(page).parent / path if path else page)
+        assert target.exists(), link
+        if anchor:
+            assert anchor in anchors(target.read_text(encoding="utf-8")), link
 
 
 @pytest.mark.parametrize("block", blocks("README.md", "python"))
