@@ -349,7 +349,13 @@ def test_a_disk_that_is_full_in_prediction_leaves_whole_files(
     assert command("predict", f"rgb={frames / 'test'}", f"checkpoint={trained}", "output=out") == 1
     assert "the disk is full while writing out/scene6_overlay.png" in capsys.readouterr().err
     written = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert written == ["scene5.json", "scene5_labels.png", "scene5_overlay.png", "scene6_labels.png"]
+    assert written == [
+        "scene5.json",
+        "scene5_labels.png",
+        "scene5_overlay.png",
+        "scene6.json",
+        "scene6_labels.png",
+    ]
 
 
 def test_prediction_does_not_replace_ground_truth(
