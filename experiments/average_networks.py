@@ -31,7 +31,10 @@ def averaged(checkpoints: Sequence[Checkpoint]) -> Checkpoint:
     shared = [_without(checkpoint.recipe) for checkpoint in checkpoints]
     differing = sorted(key for recipe in shared for key in recipe if recipe[key] != shared[0].get(key))
     if differing:
-        raise ValueError(f"the trainings differ not only in their seed: {', '.join(differing)}")
+        raise ValueError(
+            f"the trainings differ not only in their seed: {', '.join(differing)}. "
+            "Train them with tuning=none, and tune the averaged checkpoint"
+        )
     heads = [checkpoint.objectness for checkpoint in checkpoints if checkpoint.objectness is not None]
     model, head = average_models([checkpoint.model for checkpoint in checkpoints]), average_heads(heads)
     widths = [len(heads) * width for width in shared[0]["objectness"]["hidden_channels"]]
@@ -54,8 +57,11 @@ def main() -> None:
     parser.add_argument("checkpoints", nargs="+")
     parser.add_argument("--output", type=Path, required=True)
     arguments = parser.parse_args()
-    members = [Checkpoint.load(find_checkpoint(path, ".")) for path in arguments.checkpoints]
-    print(averaged(members).save(arguments.output))
+    try:
+        members = [Checkpoint.load(find_checkpoint(path, ".")) for path in arguments.checkpoints]
+        print(averaged(members).save(arguments.output))
+    except ValueError as error:
+        raise SystemExit(str(error)) from error
 
 
 if __name__ == "__main__":

@@ -33,7 +33,9 @@ def main() -> None:
     with initialize_config_dir(str(config_folder()), version_base="1.3"):
         config = compose("prepare", overrides)
     source = instantiate(config.dataset, split=given.get("split", "test"))
-    output = Path(given.output)
+    if "output" not in given:
+        raise SystemExit("say where to write the frames: output=<folder>")
+    output = Path(str(given.output))
     output.mkdir(parents=True, exist_ok=True)
     cameras = set()
     for frame in ProgressBar(source, "writing", len(source), unit="frame"):
