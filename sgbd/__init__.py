@@ -8,7 +8,8 @@ Where to find what:
   `node_block`, `dino`.
 - Graphs on disk: `preparation` writes each graph to a `graph_file`, with its `label_map` packed, in a folder named
   after their `recipe`. `node_block_cache` stores extra columns beside them. `data` is the PyG dataset that reads them.
-- Networks: `models`, the tensors that they read without PyG (`graph_tensors`), and the `checkpoint` of both stages.
+- Networks: `models` (`models.averaging` makes one of several trainings), the tensors that they read without PyG
+  (`graph_tensors`), and the `checkpoint` of both stages.
 - Training: `batches`, `augmentation`, `sampling`, `losses`. `training` has the loop, the checks before the first epoch,
   and the state from which an interrupted training resumes.
 - From classified edges to objects: `partition`, `segmentation`, `repaint`, `calibration` of the scores. `segmenter`
