@@ -27,10 +27,12 @@ _KIND_FILE = re.compile(rf"(?P<name>.+)_(?P<kind>{'|'.join(KINDS)})")
 
 
 class _Files(NamedTuple):
+    """The files of a frame, as texts: every worker holds those of all frames, and a path takes more memory."""
+
     name: str
-    rgb: Path
-    depth: Path
-    labels: Path | None
+    rgb: str
+    depth: str
+    labels: str | None
 
 
 class Folder(DatasetFolder):
@@ -117,7 +119,7 @@ root may hold train/, val/ and test/, each of this layout.
     def files(self, index: int) -> tuple[Path, ...]:
         """Return the colour, depth and (if present) label image of a frame."""
         _, *paths = self._frames[index]
-        return tuple(path for path in paths if path is not None)
+        return tuple(Path(path) for path in paths if path is not None)
 
     def options(self) -> Mapping[str, Any]:
         """Return the options that affect what is read."""
@@ -137,10 +139,10 @@ root may hold train/, val/ and test/, each of this layout.
         """
         frame = self._frames[index]
         return Frame(
-            rgb=read_rgb(frame.rgb),
-            depth=read_depth(frame.depth, self.depth_scale),
+            rgb=read_rgb(Path(frame.rgb)),
+            depth=read_depth(Path(frame.depth), self.depth_scale),
             intrinsics=self.intrinsics,
-            instances=None if frame.labels is None else read_instances(frame.labels, self.label_rule),
+            instances=None if frame.labels is None else read_instances(Path(frame.labels), self.label_rule),
             name=frame.name,
         )
 
@@ -163,7 +165,12 @@ root may hold train/, val/ and test/, each of this layout.
             )
         # A missing depth image is reported when that frame is read, so that the other frames stay usable.
         return tuple(
-            _Files(name, rgb, found["depth"].get(name, _depth_path(rgb)), found["labels"].get(name))
+            _Files(
+                name,
+                str(rgb),
+                str(found["depth"].get(name) or _depth_path(rgb)),
+                str(found["labels"][name]) if name in found["labels"] else None,
+            )
             for name, rgb in sorted(found["rgb"].items())
         )
 
@@ -198,6 +205,6 @@ def _labels_and_depth(frame: _Files, depth_scale: float) -> tuple[Any, Any] | No
     if frame.labels is None:
         return None
     try:
-        return read_labels(frame.labels), read_depth(frame.depth, depth_scale)
+        return read_labels(Path(frame.labels)), read_depth(Path(frame.depth), depth_scale)
     except FrameReadError:
         return None
