@@ -17,12 +17,12 @@ import json
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 from omegaconf import DictConfig, OmegaConf
 from paper import PAPER_COST, PAPER_SCORES
 from remarks import with_remarks
+from without_folders import without_folders
 
 from sgbd.comparison_results import SHOWN
 from sgbd.reporting.runs import dataset_name
@@ -158,15 +158,6 @@ def _pictures(folder: Path) -> list[Path]:
     return sorted((folder / "pictures").glob("*.png"))
 
 
-def _without_folders(value: Any) -> Any:
-    """Shorten absolute paths of the machine that computed a report to their last component."""
-    if isinstance(value, dict):
-        return {key: _without_folders(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_without_folders(item) for item in value]
-    return Path(value).name if isinstance(value, str) and Path(value).is_absolute() else value
-
-
 def main() -> None:
     """Write the page, the tables and the pictures of a comparison."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -185,7 +176,7 @@ def main() -> None:
             table.to_csv(HERE / f"{name}{suffix}.csv")
     for folder in folders:
         if (folder / "cost.json").is_file():
-            cost = _without_folders(json.loads((folder / "cost.json").read_text()))
+            cost = without_folders(json.loads((folder / "cost.json").read_text()))
             (HERE / f"{name}_cost.json").write_text(json.dumps(cost, indent=2) + "\n")
         for picture in _pictures(folder):
             shutil.copyfile(picture, HERE / "pictures" / f"{name}_{picture.name}")

@@ -10,7 +10,8 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+
+from without_folders import without_folders
 
 from sgbd.agglomeration import AgglomeratedGraph
 from sgbd.checkpoint import PRETRAINED_FILE, Checkpoint
@@ -30,23 +31,13 @@ def published(checkpoint: Checkpoint) -> Checkpoint:
             weight.data = weight.data.half().float()
     recipe = {key: value for key, value in checkpoint.recipe.items() if key != "scores"}
     if isinstance(recipe.get("dataset"), dict):
-        recipe["dataset"] = _without_folders(recipe["dataset"])
+        recipe["dataset"] = without_folders(recipe["dataset"])
     if checkpoint.first_stage is None:
         return replace(checkpoint, recipe=recipe)
     first_stage = published(checkpoint.first_stage)
     # The recipe identifies its first stage by a digest of its content, with the rounded weights as float32.
     recipe["graph"] = {**recipe["graph"], "first_stage": AgglomeratedGraph(first_stage).first_stage}
     return replace(checkpoint, recipe=recipe, first_stage=first_stage)
-
-
-def _without_folders(values: dict[str, Any]) -> dict[str, Any]:
-    """Return values with absolute paths shortened to their last component."""
-    return {
-        key: _without_folders(value)
-        if isinstance(value, dict)
-        else (Path(value).name if isinstance(value, str) and Path(value).is_absolute() else value)
-        for key, value in values.items()
-    }
 
 
 def main() -> None:
