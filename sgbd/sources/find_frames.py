@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -156,7 +157,7 @@ class RecordedFrames(FrameSource):
             raise FrameReadError(self.rgb, f"there is no image in it ({', '.join(IMAGE_SUFFIXES)}).")
         return files
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the frames, sorted."""
         return tuple(self._files)
