@@ -207,7 +207,10 @@ class Segmenter:
         build = array_builder(self.graph)
         if build is None or self.node_block is not None or not all(map(_reads_fields_only, networks)):
             return self.build_graph(frame, label_map)
-        return GraphTensors(build(frame, label_map, store_maps=False), self._node_columns, self._edge_columns)
+        arrays = build(frame, label_map, store_maps=False)
+        # PyTorch's threads go on spinning after a small operation, on the cores that the loops of others need.
+        with torch_threads(self.threads):
+            return GraphTensors(arrays, self._node_columns, self._edge_columns)
 
 
 def _reads_fields_only(network: nn.Module) -> bool:

@@ -114,7 +114,7 @@ class EdgeClassifier(nn.Module, ABC):
             return self.score(nodes.index_select(0, pairs[0]), nodes.index_select(0, pairs[1]), states)
         # A fixed order of the two ends makes the result bit-identical for both directions of a pair: matrix products
         # may round a row differently at another position in the matrix.
-        forth = torch.stack([pairs.amin(0), pairs.amax(0)])
+        forth = torch.stack([torch.minimum(*pairs), torch.maximum(*pairs)])
         both = torch.cat([forth, forth.flip(0)], dim=1)
         return self._mean_of_directions(nodes, self._edge_states(edges, data.edge_index, both, nodes.size(0)), both)
 

@@ -9,14 +9,18 @@ from itertools import pairwise
 import numpy as np
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import batch_norm, dropout
+from torch.nn.functional import batch_norm, dropout, linear
 
 from sgbd.machine.reused_memory import reused
-from sgbd.machine.side_by_side import bands, side_by_side, thread_count
+from sgbd.machine.side_by_side import side_by_side, thread_count
 from sgbd.models.in_evaluation import can_be_overwritten, scale_and_shift
+from sgbd.models.linear_layer import linear_layer
 
 ROWS_AT_ONCE = 768
 """Maximum number of rows that go through all layers together: their states fit into the caches of common processors."""
+
+ROW_STEP = 32
+"""The number of rows that go through all layers together is a multiple of this, unless there are few rows."""
 
 TOO_FEW_TO_SHARE = 128
 """Up to this many rows are computed in less time than a second thread needs to start."""
@@ -91,7 +95,7 @@ class Perceptron(nn.Module):
         return rows
 
     def folded(self) -> list[tuple[Tensor, Tensor, bool]]:
-        """Return, for each layer in evaluation, its weight [in, out], its bias [out] and whether a ReLU follows."""
+        """Return, for each layer in evaluation, its weight [out, in], its bias [out] and whether a ReLU follows."""
         layers = []
         for place, layer in enumerate(self.lins):
             assert isinstance(layer, nn.Linear)
@@ -101,7 +105,7 @@ class Perceptron(nn.Module):
             norm = self.norms[place] if hidden else None
             if isinstance(norm, RowNorm):
                 weight, bias = norm.fold(weight, bias)
-            layers.append((weight.t(), bias, hidden))
+            layers.append((weight, bias, hidden))
         return layers
 
     def evaluate(self, rows: Tensor) -> Tensor:
@@ -128,8 +132,8 @@ class Perceptron(nn.Module):
         """
         (weight, bias, hidden), *layers = self.folded()
         width = nodes.size(1)
-        of_source = nodes @ weight[:width]
-        of_target = torch.addmm(bias, nodes, weight[width : 2 * width])
+        for_source, for_target, for_edge = weight[:, :width], weight[:, width : 2 * width], weight[:, 2 * width :]
+        of_source, of_target = linear(nodes, for_source), linear(nodes, for_target, bias)
 
         def first_layer(block: slice, memory: TurnedMemory) -> Tensor:
             source, target = pairs[0, block], pairs[1, block]
@@ -138,7 +142,7 @@ class Perceptron(nn.Module):
             rows = torch.index_select(of_source, 0, source, out=memory.take(*size))
             rows += added
             if edges.size(1):
-                rows.addmm_(edges[block], weight[2 * width :])
+                rows.addmm_(edges[block], for_edge.t())
             return rows.relu_() if hidden else rows
 
         return self._in_blocks(pairs.size(1), nodes, layers, first_layer)
@@ -166,18 +170,18 @@ class Perceptron(nn.Module):
         blocks = equal_blocks(count)
         if not (layers and can_be_overwritten(given)):
             memory = TurnedMemory(0)
-            return torch.cat([_through(layers, start(block, memory), memory) for block in blocks])
+            return torch.cat([_through(layers, start(rows, memory), memory)[known:] for rows, known in blocks])
         scores = given.new_empty(count, self.out_channels)
         inference = torch.is_inference_mode_enabled()
 
-        def evaluate(block: slice) -> None:
+        def evaluate(rows: slice, known: int) -> None:
             # Gradient and inference modes are per thread, and so is the reused memory.
             with torch.inference_mode(inference), torch.no_grad():
                 memory = TurnedMemory(self._widest)
-                _through(layers, start(block, memory), memory, scores[block])
+                scores[rows][known:] = _through(layers, start(rows, memory), memory)[known:]
 
         threads = thread_count() if torch.get_num_threads() == 1 else 1
-        side_by_side([partial(evaluate, block) for block in blocks], threads)
+        side_by_side([partial(evaluate, *block) for block in blocks], threads)
         return scores
 
 
@@ -201,23 +205,29 @@ class TurnedMemory:
         return self._parts[0][: rows * columns].view(rows, columns)
 
 
-def equal_blocks(count: int) -> list[slice]:
-    """Cut rows into blocks of almost equal size, as few as `ROWS_AT_ONCE` allows, but an even number for two threads.
+def equal_blocks(count: int) -> list[tuple[slice, int]]:
+    """Cut rows into blocks of equal size, as few as `ROWS_AT_ONCE` allows, but an even number for two threads.
 
-    It does not depend on the number of threads, because the limits of a block may affect rounding.
+    The sizes of blocks are multiples of `ROW_STEP`, so that graphs of all sizes share a few: a library may compile its
+    loops for each. The last block therefore begins with some rows of the block before. The blocks do not depend on the
+    number of threads, because their limits may affect rounding.
+
+    Args:
+        count: Number of rows.
+
+    Returns:
+        For each block, its rows, and how many of them the blocks before it contain.
     """
-    number = 1 if count <= TOO_FEW_TO_SHARE else 2 * -(-count // (2 * ROWS_AT_ONCE))
-    return [slice(*band) for band in bands(count, number)]
+    if count <= TOO_FEW_TO_SHARE:
+        return [(slice(0, count), 0)]
+    number = 2 * -(-count // (2 * ROWS_AT_ONCE))
+    size = -(-count // (number * ROW_STEP)) * ROW_STEP
+    ends = [min(start + size, count) for start in range(0, count, size)]
+    return [(slice(end - size, end), place * size - (end - size)) for place, end in enumerate(ends)]
 
 
-def _through(
-    layers: Sequence[tuple[Tensor, Tensor, bool]], rows: Tensor, memory: TurnedMemory, out: Tensor | None = None
-) -> Tensor:
-    """Run rows through layers; the last layer writes to `out` if it is given."""
-    for place, (weight, bias, hidden) in enumerate(layers, start=1):
-        last = out if place == len(layers) else None
-        target = memory.take(rows.size(0), weight.size(1)) if last is None else last
-        rows = torch.addmm(bias, rows, weight, out=target)
-        if hidden:
-            rows = rows.relu_()
+def _through(layers: Sequence[tuple[Tensor, Tensor, bool]], rows: Tensor, memory: TurnedMemory) -> Tensor:
+    """Run rows through layers."""
+    for weight, bias, hidden in layers:
+        rows = linear_layer(rows, weight, bias, hidden, out=memory.take(rows.size(0), weight.size(0)))
     return rows

@@ -119,7 +119,7 @@ class SymmetricGCN(GatedNetwork):
         nodes, edges = run(x, attributes, pairs)
         asked = data.edge_label_index
         if asked.shape != pairs.shape or not torch.equal(asked, pairs):
-            ordered = torch.stack([asked.amin(0), asked.amax(0)])
+            ordered = torch.stack([torch.minimum(*asked), torch.maximum(*asked)])
             edges = edges.index_select(0, edge_positions(pairs, ordered, nodes.size(0)))
         return self.score(nodes.index_select(0, asked[0]), nodes.index_select(0, asked[1]), edges)
 

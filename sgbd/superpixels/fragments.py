@@ -5,11 +5,14 @@ Without Numba, the functions of `sgbd.superpixels.connect` do the same step by s
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap
 from sgbd.machine.compiled import HAS_NUMBA, compiled
+from sgbd.machine.side_by_side import bands, side_by_side
 from sgbd.machine.union_find import find_root
 from sgbd.repaint import repaint
 from sgbd.superpixels.connect import connected_regions, intersect, merge_fragments
@@ -21,7 +24,9 @@ PIXELS_A_PIECE, FEW_PIECES = 16, 1024
 """Initial capacity: one piece per `PIXELS_A_PIECE` pixels, but at least `FEW_PIECES`; it grows if there are more."""
 
 
-def connected_superpixels(first: npt.NDArray[np.int32], second: npt.NDArray[np.int32], min_size: int) -> LabelMap:
+def connected_superpixels(
+    first: npt.NDArray[np.int32], second: npt.NDArray[np.int32], min_size: int, threads: int = 1
+) -> LabelMap:
     """Intersect two over-segmentations, split the result into connected pieces and merge its fragments.
 
     A fragment is merged into the neighbour with the longest common border. One pass over the image finds the pieces by
@@ -32,6 +37,7 @@ def connected_superpixels(first: npt.NDArray[np.int32], second: npt.NDArray[np.i
         first: int32 [H, W], any ids.
         second: int32 [H, W], any ids.
         min_size: Smallest superpixel to keep, pixels.
+        threads: Number of threads; it does not affect the result.
 
     Returns:
         int32 [H, W], ids 0..N-1 in raster order of their first pixel, each one 4-connected region.
@@ -39,30 +45,60 @@ def connected_superpixels(first: npt.NDArray[np.int32], second: npt.NDArray[np.i
     if not HAS_NUMBA:
         return merge_fragments(connected_regions(intersect(first, second)), min_size)
     pieces = np.empty(first.shape, np.int32)
-    limit = min(first.size, max(FEW_PIECES, first.size // PIXELS_A_PIECE))
-    runs = np.empty((2, 2, first.shape[1] + 1), np.int64)
-    while True:
-        parents, facts = np.empty(limit, np.int64), np.empty((limit, 5), np.int64)
-        count = _find_pieces(first, second, runs, pieces, parents, facts)
-        if count <= limit:
-            break
-        limit = min(first.size, 4 * limit)
-    parents, facts = parents[:count], facts[:count]
-    groups = np.empty(count, np.int64)
+    parents, facts = _pieces_in_bands(first, second, pieces, threads)
+    groups = np.empty(len(parents), np.int64)
     while True:
         _gather(parents, facts, groups)
-        roots = np.flatnonzero(groups == np.arange(count))
+        is_root = groups == np.arange(len(groups))
+        roots = np.flatnonzero(is_root)
         fragments = roots[facts[roots, PIXELS] < min_size]
         if len(fragments) == 0 or len(roots) == 1:
             break
         _merge_round(pieces, groups, facts, fragments, parents, np.empty_like(groups), np.zeros_like(groups))
     # The root of a group is its first piece in raster order, so the new ids are in raster order too.
-    return repaint(pieces, np.searchsorted(roots, groups))
+    return repaint(pieces, (np.cumsum(is_root) - 1)[groups])
+
+
+def _pieces_in_bands(
+    first: npt.NDArray[np.int32], second: npt.NDArray[np.int32], pieces: npt.NDArray[np.int32], threads: int
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Find the pieces of each band of rows in a thread of its own, and join those that touch between two bands.
+
+    Every band numbers its pieces from a start of its own. The numbers that it leaves unused belong to no pixel; in
+    union-find, they are members of the first piece's set.
+
+    Args:
+        first: int32 [H, W].
+        second: int32 [H, W].
+        pieces: int32 [H, W], written: the piece of each pixel.
+        threads: Number of bands and threads.
+
+    Returns:
+        The union-find parent of each piece, int64 [limit], and its facts, int64 [limit, 5], for all numbers.
+    """
+    height, width = first.shape
+    rows = bands(height, min(threads, height))
+    runs = np.empty((len(rows), 2, 2, width + 1), np.int64)
+    room = min(first.size, max(FEW_PIECES, first.size // (PIXELS_A_PIECE * len(rows))))
+    while True:
+        parents, facts = np.zeros(len(rows) * room, np.int64), np.zeros((len(rows) * room, 5), np.int64)
+        jobs = [
+            partial(_find_pieces, first, second, *band, room * place, room, runs[place], pieces, parents, facts)
+            for place, band in enumerate(rows)
+        ]
+        if max(side_by_side(jobs, threads)) <= room:
+            break
+        room = min(first.size, 4 * room)
+    for top, _ in rows[1:]:
+        _join_rows(first, second, top, pieces, parents)
+    return parents, facts
 
 
 @compiled
-def _find_pieces(first, second, runs, pieces, parents, facts):  # type: ignore[no-untyped-def]
-    """Number the pieces in raster order; if two turn out to be connected, join them in `parents`.
+def _find_pieces(  # type: ignore[no-untyped-def]
+    first, second, top, bottom, start_number, room, runs, pieces, parents, facts
+):
+    """Number the pieces of a band in raster order; if two turn out to be connected, join them in `parents`.
 
     Each row is cut into runs of pixels that are equal in both label maps. A run joins every overlapping run above it
     that has the same labels, or starts a new piece.
@@ -70,19 +106,23 @@ def _find_pieces(first, second, runs, pieces, parents, facts):  # type: ignore[n
     Args:
         first: int32 [H, W].
         second: int32 [H, W].
+        top: First row of the band.
+        bottom: Row after the band.
+        start_number: Number of its first piece.
+        room: Maximum number of pieces.
         runs: int64 [2, 2, W + 1], work space: for the current and the previous row, alternating, the end (exclusive)
             and the piece of each run.
-        pieces: int32 [H, W], written: the piece of each pixel.
-        parents: int64 [limit], written: the union-find parent of each piece.
-        facts: int64 [limit, 5], written: see the columns above.
+        pieces: int32 [H, W], written in the band: the piece of each pixel.
+        parents: int64 [all numbers], written: the union-find parent of each piece.
+        facts: int64 [all numbers, 5], written: see the columns above.
 
     Returns:
-        The number of pieces, or limit + 1 if they did not fit.
+        The number of pieces, or room + 1 if they did not fit.
     """
-    height, width = first.shape
-    count, limit = np.int64(0), len(parents)
+    width = first.shape[1]
+    count, limit = np.int64(start_number), np.int64(start_number + room)
     runs_above = np.int64(0)
-    for row in range(height):
+    for row in range(top, bottom):
         ends, numbers = runs[row & 1, 0], runs[row & 1, 1]
         ends_above, numbers_above = runs[1 - (row & 1), 0], runs[1 - (row & 1), 1]
         # Find the ends of the runs without a branch: the next end overwrites `ends[found]` until the label changes.
@@ -112,7 +152,7 @@ def _find_pieces(first, second, runs, pieces, parents, facts):  # type: ignore[n
                     break
             if piece == count:
                 if count == limit:
-                    return limit + 1
+                    return np.int64(room + 1)
                 count += 1
                 parents[piece] = piece
                 facts[piece, PIXELS] = 0
@@ -130,7 +170,15 @@ def _find_pieces(first, second, runs, pieces, parents, facts):  # type: ignore[n
             numbers[run] = piece
             start = end
         runs_above = found
-    return count
+    return count - start_number
+
+
+@compiled
+def _join_rows(first, second, row, pieces, parents):  # type: ignore[no-untyped-def]
+    """Join the pieces of a row with those above it that have the same labels."""
+    for column in range(first.shape[1]):
+        if first[row, column] == first[row - 1, column] and second[row, column] == second[row - 1, column]:
+            _join(parents, np.int64(pieces[row, column]), np.int64(pieces[row - 1, column]))
 
 
 @compiled

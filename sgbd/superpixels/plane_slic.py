@@ -105,7 +105,7 @@ class PlaneSlic:
         threads = thread_count(self.threads)
         planes = self._planes(frame, threads)
         labels = self._nearest_centers(planes, threads)
-        pieces = connected_superpixels(labels, labels, min(SPECK, self.min_size))
+        pieces = connected_superpixels(labels, labels, min(SPECK, self.min_size), threads)
         return merge_alike(pieces, planes, self.n_segments, self.tolerance, self.min_size, threads)
 
     def _planes(self, frame: Frame, threads: int) -> npt.NDArray[np.float32]:

@@ -133,7 +133,7 @@ class FastSlic(Slic):
                 for band in self._bands(len(cells.tops) - 1)
             ]
         )
-        return connected_superpixels(labels[0], labels[-1], self.min_size)
+        return connected_superpixels(labels[0], labels[-1], self.min_size, self.thread_count)
 
     def _planes(self, frame: Frame, run: Run) -> list[tuple[Planes, bool]]:
         """Return the planes to cluster, each with whether it is weighted, see `cluster`."""

@@ -12,7 +12,7 @@ from torch_geometric.nn import MLP
 
 from sgbd.machine.torch_threads import torch_threads
 from sgbd.models import perceptron
-from sgbd.models.perceptron import ROWS_AT_ONCE, TOO_FEW_TO_SHARE, Perceptron, equal_blocks
+from sgbd.models.perceptron import ROW_STEP, ROWS_AT_ONCE, TOO_FEW_TO_SHARE, Perceptron, equal_blocks
 
 FORMS: list[dict[str, Any]] = [
     {},
@@ -109,10 +109,20 @@ def test_results_outlast_the_next_call() -> None:
 
 
 @given(st.integers(0, 20_000))
-def test_blocks_are_equal_and_as_many_for_each_of_two_threads(rows: int) -> None:
+def test_blocks_are_equal_and_together_contain_every_row_once(rows: int) -> None:
     blocks = equal_blocks(rows)
-    assert [row for block in blocks for row in range(block.start, block.stop)] == list(range(rows))
-    sizes = [block.stop - block.start for block in blocks]
-    assert max(sizes) <= ROWS_AT_ONCE
-    assert max(sizes) - min(sizes) <= 1
-    assert len(blocks) % 2 == 0 or (len(blocks) == 1 and rows <= TOO_FEW_TO_SHARE)
+    assert [row for block, known in blocks for row in range(block.start + known, block.stop)] == list(range(rows))
+    sizes = {block.stop - block.start for block, _ in blocks}
+    assert len(sizes) == 1
+    (size,) = sizes
+    assert size <= ROWS_AT_ONCE
+    assert size % ROW_STEP == 0 or (len(blocks) == 1 and rows <= TOO_FEW_TO_SHARE)
+    assert all(block.start >= 0 for block, _ in blocks)
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [(0, [(slice(0, 0), 0)]), (128, [(slice(0, 128), 0)]), (129, [(slice(0, 96), 0), (slice(33, 129), 63)])],
+)
+def test_the_last_block_begins_with_rows_of_the_one_before(rows: int, expected: list[tuple[slice, int]]) -> None:
+    assert equal_blocks(rows) == expected
