@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy.typing as npt
 
 from sgbd.adjacency import LabelMap
 from sgbd.machine.compiled import HAS_NUMBA, compiled
+from sgbd.machine.side_by_side import bands, side_by_side, thread_count
 
 if TYPE_CHECKING:
     from torch_geometric.data import Data
@@ -16,12 +18,13 @@ if TYPE_CHECKING:
     from sgbd.graph_tensors import GraphTensors
 
 
-def repaint(label_map: LabelMap, names: npt.NDArray[np.integer]) -> LabelMap:
+def repaint(label_map: LabelMap, names: npt.NDArray[np.integer], threads: int | None = None) -> LabelMap:
     """Replace every id of a label map by a new id.
 
     Args:
         label_map: int32 [H, W], ids 0..N-1.
         names: int [N], the new id of each old id.
+        threads: Number of threads. None: one per usable processor, at most 2.
 
     Returns:
         int32 [H, W].
@@ -34,7 +37,9 @@ def repaint(label_map: LabelMap, names: npt.NDArray[np.integer]) -> LabelMap:
         raise IndexError(f"there are {len(new)} new ids, but the label map has the id {int(label_map.max())}")
     painted: LabelMap = np.empty(label_map.shape, np.int32)
     if HAS_NUMBA:
-        _repaint(np.ascontiguousarray(label_map).reshape(-1), new, painted.reshape(-1))
+        old, threads = np.ascontiguousarray(label_map).reshape(-1), thread_count(threads)
+        jobs = [partial(_repaint, old, new, painted.reshape(-1), *band) for band in bands(old.size, threads)]
+        side_by_side(jobs, threads)
     else:
         painted[...] = new[label_map]
     return painted
@@ -57,6 +62,6 @@ def node_map(label_map: LabelMap, data: Data | GraphTensors) -> LabelMap:
 
 
 @compiled
-def _repaint(labels, names, painted):  # type: ignore[no-untyped-def]
-    for k in range(len(labels)):
+def _repaint(labels, names, painted, first, last):  # type: ignore[no-untyped-def]
+    for k in range(first, last):
         painted[k] = names[labels[k]]

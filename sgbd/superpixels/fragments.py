@@ -56,7 +56,7 @@ def connected_superpixels(
             break
         _merge_round(pieces, groups, facts, fragments, parents, np.empty_like(groups), np.zeros_like(groups))
     # The root of a group is its first piece in raster order, so the new ids are in raster order too.
-    return repaint(pieces, (np.cumsum(is_root) - 1)[groups])
+    return repaint(pieces, (np.cumsum(is_root) - 1)[groups], threads)
 
 
 def _pieces_in_bands(

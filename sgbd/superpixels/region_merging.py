@@ -77,7 +77,7 @@ def merge_alike(
     )  # fmt: skip
     # The root of a group is its first region in raster order, so the new ids are in raster order too.
     roots = np.flatnonzero(parents == np.arange(count))
-    return repaint(label_map, np.searchsorted(roots, parents))
+    return repaint(label_map, np.searchsorted(roots, parents), threads)
 
 
 @compiled

@@ -147,9 +147,9 @@ class FastSlic(Slic):
             depth = reused("depth", shape, np.float32)
             images.append((depth, True))
             scale = np.float32(1 / self.depth_compactness)
-            jobs.append(
-                partial(write_depth, frame.depth, DEPTH_PERCENTILE, scale, np.zeros(FARTHEST + 1, np.int32), depth)
-            )
+            histogram = np.zeros(FARTHEST + 1, np.int32)
+            # First, because it takes as long as all others together.
+            jobs.insert(0, partial(write_depth, frame.depth, DEPTH_PERCENTILE, scale, histogram, depth))
         run(jobs)
         return [(self._smoothed(planes, weighted, run), weighted) for planes, weighted in images]
 
