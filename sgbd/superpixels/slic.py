@@ -18,6 +18,9 @@ Superpixels = Callable[[Frame], LabelMap]
 DEPTH_PERCENTILE = 98
 """Depth is clipped at this percentile; otherwise one far wall would set the scale of everything on the table."""
 
+NARROWEST = 0.125
+"""Standard deviation, pixels, below which scikit-image cuts a Gaussian off to a single weight of 1."""
+
 
 class Slic:
     """The intersection of a SLIC over-segmentation of the colours and one of the depth.
@@ -110,7 +113,8 @@ class Slic:
             scaled_depth(depth),
             n_segments=self.n_segments,
             compactness=self.depth_compactness,
-            sigma=self.depth_sigma,
+            # Below that width, smoothing would change nothing but the time.
+            sigma=self.depth_sigma if self.depth_sigma >= NARROWEST else 0,
             start_label=0,
             channel_axis=None,
         )
@@ -139,22 +143,31 @@ def filled_depth(depth: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     Returns:
         float32 [H, W], without zeros unless all depth is missing.
     """
-    if not (depth > 0).any():
-        return depth.copy()
-    rows = _filled_along_rows(depth)
-    return rows if (rows > 0).all() else np.ascontiguousarray(_filled_along_rows(rows.T).T)
-
-
-def _filled_along_rows(depth: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Replace zeros with the nearest nonzero value of their row, the left one on a tie; empty rows stay zero."""
-    width = depth.shape[1]
-    columns = np.arange(width)
     valid = depth > 0
+    if not valid.any():
+        return depth.copy()
+    rows = np.take_along_axis(depth, _nearest(valid), axis=1)
+    # A row without any copies the nearest row that has one.
+    known = np.atleast_2d(valid.any(axis=1))
+    filled: npt.NDArray[np.float32] = rows[_nearest(known)[0]]
+    return filled
+
+
+def _nearest(valid: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
+    """Return the column of the nearest True of each element's row, the left one on a tie; any column if there is none.
+
+    Args:
+        valid: bool [R, W].
+
+    Returns:
+        intp [R, W].
+    """
+    width = valid.shape[1]
+    columns = np.arange(width)
     left = np.maximum.accumulate(np.where(valid, columns, -1), axis=1)
     right = np.minimum.accumulate(np.where(valid, columns, width)[:, ::-1], axis=1)[:, ::-1]
     nearer_left = (right == width) | ((left >= 0) & (columns - left <= right - columns))
-    nearest = np.clip(np.where(nearer_left, left, right), 0, width - 1)
-    return np.take_along_axis(depth, nearest, axis=1)
+    return np.clip(np.where(nearer_left, left, right), 0, width - 1)
 
 
 def stretch(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
