@@ -32,6 +32,7 @@ def main(config: DictConfig) -> None:
         node_block=instantiate(config.node_block),
         device=config.device,
         trust=tuple(config.trust),
+        reduce=config.reduce,
     )
     frames = find_frames(
         config.rgb, config.depth, intrinsics_from(config.intrinsics), config.depth_scale, config.time_tolerance

@@ -22,6 +22,7 @@ from sgbd.machine.torch_threads import torch_threads
 from sgbd.node_block import NodeBlock, required_block, split_groups
 from sgbd.own_columns import with_own_columns
 from sgbd.partition import Partitioner
+from sgbd.reduction import enlarged, reduced
 from sgbd.repaint import node_map
 from sgbd.segmentation import ObjectRule, Segmentation, classify, paint, partition_graph
 from sgbd.superpixels import Superpixels
@@ -51,11 +52,14 @@ class Segmenter:
             that can be split runs in parallel threads instead (`sgbd.machine.side_by_side`), as it does for superpixels
             and graphs.
         trust: Names of packages besides `sgbd` whose classes the recipe may name.
+        reduce: Frames are segmented at this fraction of their width and height, 2 for a half; results have full size.
+            Models work best, and faster, at about the width of the frames that they were trained on.
 
     Raises:
         sgbd.checkpoint.CheckpointError: If a class of the recipe is missing or not trusted, or `node_block` does not
             match the recipe.
-        ValueError: If this machine or this build of PyTorch does not have the device.
+        ValueError: If this machine or this build of PyTorch does not have the device, or `reduce` is not a positive
+            integer.
     """
 
     def __init__(
@@ -68,11 +72,15 @@ class Segmenter:
         device: torch.device | str = "cpu",
         threads: int = 1,
         trust: Sequence[str] = (),
+        reduce: int = 1,
     ) -> None:
         recipe = checkpoint.recipe
         self.recipe = recipe
         self.device = _usable_device(device)
         self.threads = threads
+        if isinstance(reduce, bool) or not isinstance(reduce, int) or reduce < 1:
+            raise ValueError(f"reduce must be a positive integer, 2 for half the width and height; got {reduce!r}")
+        self.reduce = reduce
         self.superpixels: Superpixels = instantiate(recipe.get("superpixels"), object, trust)  # type: ignore[assignment]
         self.graph: GraphBuilder = instantiate(recipe.get("graph"), object, trust)  # type: ignore[assignment]
         if checkpoint.first_stage is not None:
@@ -102,6 +110,7 @@ class Segmenter:
         device: torch.device | str = "cpu",
         threads: int = 1,
         trust: Sequence[str] = (),
+        reduce: int = 1,
     ) -> Segmenter:
         """Load a checkpoint file; the other arguments are those of the class.
 
@@ -117,6 +126,7 @@ class Segmenter:
             device=device,
             threads=threads,
             trust=trust,
+            reduce=reduce,
         )
 
     @classmethod
@@ -129,6 +139,7 @@ class Segmenter:
         device: torch.device | str = "cpu",
         threads: int = 1,
         trust: Sequence[str] = (),
+        reduce: int = 1,
     ) -> Segmenter:
         """Load the model that is installed with the package; the arguments are those of the class.
 
@@ -143,6 +154,7 @@ class Segmenter:
             device=device,
             threads=threads,
             trust=trust,
+            reduce=reduce,
         )
 
     def segment(self, rgb: npt.ArrayLike, depth: npt.ArrayLike, intrinsics: Intrinsics | None = None) -> Segmentation:
@@ -163,14 +175,23 @@ class Segmenter:
 
     def segment_frame(self, frame: Frame) -> Segmentation:
         """Segment a frame, ignoring any ground truth it has."""
-        if frame.instances is not None:
-            frame = replace(frame, instances=None)
-        label_map = self.superpixels(frame)
-        data = self.graph_tensors(frame, label_map)
+        small = self.reduced(frame)
+        label_map = self.superpixels(small)
+        data = self.graph_tensors(small, label_map)
         with torch_threads(self.threads):
             classification = classify(self.model, self.objectness, data)
         segments = partition_graph(data, classification, self.partition, self.rule, self.calibration)
-        return paint(node_map(label_map, data), data, classification, segments)
+        return paint(self.enlarged(node_map(label_map, data), frame), data, classification, segments)
+
+    def reduced(self, frame: Frame) -> Frame:
+        """Return the frame that is segmented in place of a frame: reduced as asked for, without ground truth."""
+        if frame.instances is not None:
+            frame = replace(frame, instances=None)
+        return frame if self.reduce == 1 else reduced(frame, self.reduce)
+
+    def enlarged(self, label_map: LabelMap, frame: Frame) -> LabelMap:
+        """Enlarge the label map of what `reduced` makes of a frame to the size of the frame."""
+        return label_map if self.reduce == 1 else enlarged(label_map, self.reduce, frame.height, frame.width)
 
     def build_graph(self, frame: Frame, label_map: LabelMap) -> Data:
         """Build the PyG graph of a frame with the feature columns that the model was trained on.

@@ -112,6 +112,12 @@ def test_hard_frames_go_through_every_command(
     assert command("predict", f"rgb={frames / 'test'}", "checkpoint=trained", "output=predicted") == 0
     assert iio.imread(tmp_path / "predicted" / "one_pixel_labels.png").shape == (1, 1)
     assert len(list((tmp_path / "predicted").glob("*.json"))) == 6
+    assert command("predict", f"rgb={frames / 'test'}", "checkpoint=trained", "output=reduced", "reduce=2") == 0
+    sizes = [
+        {path.name: iio.imread(path).shape for path in (tmp_path / folder).glob("*_labels.png")}
+        for folder in ("predicted", "reduced")
+    ]
+    assert sizes[0] == sizes[1]
 
 
 OWN = """

@@ -14,6 +14,7 @@ from sgbd.models import ObjectnessHead, SharedMLP
 from sgbd.partition import ConnectedComponents
 from sgbd.preparation import prepare
 from sgbd.recipe import describe
+from sgbd.reduction import enlarged, reduced
 from sgbd.segmentation import ObjectRule, classify, paint, partition_graph
 from sgbd.superpixels import Slic
 from tests.scenes import Scenes, scene
@@ -60,6 +61,23 @@ def test_arrays_in_metres_and_millimetres_give_the_same_objects(checkpoint: Chec
     assert results[0].instances.dtype == np.int32
     assert results[0].instances.shape == frame.depth.shape
     assert results[0].superpixels.shape == frame.depth.shape
+
+
+def test_a_reduced_frame_is_segmented_and_its_maps_are_enlarged(checkpoint: Checkpoint) -> None:
+    frame = scene(0)
+    result = Segmenter(checkpoint, reduce=3).segment_frame(frame)
+    expected = Segmenter(checkpoint).segment_frame(reduced(frame, 3))
+    for name in ("instances", "superpixels"):
+        whole = enlarged(getattr(expected, name), 3, frame.height, frame.width)
+        assert getattr(result, name).tolist() == whole.tolist()
+    assert result.scores.tolist() == expected.scores.tolist()
+    assert result.instances.shape == frame.depth.shape
+
+
+@pytest.mark.parametrize("reduce", [0, -1, 1.5, True])
+def test_frames_are_reduced_by_positive_integers(checkpoint: Checkpoint, reduce: float) -> None:
+    with pytest.raises(ValueError, match="reduce must be a positive integer"):
+        Segmenter(checkpoint, reduce=reduce)
 
 
 def test_partition_and_rule_can_take_the_place_of_the_recipes(checkpoint: Checkpoint) -> None:

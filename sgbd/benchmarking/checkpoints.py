@@ -63,4 +63,5 @@ def number_of_superpixels(checkpoint: Checkpoint) -> int:
 def configured_segmenter(config: DictConfig, n: int | None = None, superpixels: DictConfig | None = None) -> Segmenter:
     """Return a segmenter with the selected checkpoint; arguments and errors as for `configured_checkpoint`."""
     checkpoint = configured_checkpoint(config, n, superpixels)
-    return Segmenter(checkpoint, threads=torch.get_num_threads(), trust=trusted_packages(config))
+    trust = trusted_packages(config)
+    return Segmenter(checkpoint, threads=torch.get_num_threads(), trust=trust, reduce=config.reduce)

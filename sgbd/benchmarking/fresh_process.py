@@ -78,6 +78,7 @@ def do_job(
     count: int,
     checkpoint: str,
     trust: Sequence[str],
+    reduce: int,
     torch_threads: int,
     baseline: Mapping[str, Any] | None = None,
     numba_apart: bool = False,
@@ -91,6 +92,7 @@ def do_job(
         count: Number of frames to segment, cycling through those in the file.
         checkpoint: Checkpoint file, for `ours`.
         trust: Packages whose classes the checkpoint may name.
+        reduce: Factor by which `ours` reduces the frames.
         torch_threads: Number of threads of PyTorch operations.
         baseline: Configuration of a baseline (`sgbd.baselines`).
         numba_apart: Call a small compiled function before the first frame, to measure the start of Numba separately.
@@ -119,7 +121,7 @@ def do_job(
         return float(process.memory_info().rss / MEBIBYTE)
 
     loading, base = time.perf_counter(), resident()
-    segment = _loaded(method, n, checkpoint, trust, baseline)
+    segment = _loaded(method, n, checkpoint, trust, reduce, baseline)
     loaded, with_model = time.perf_counter(), resident()
     if numba_apart:
         from sgbd.repaint import repaint
@@ -150,13 +152,13 @@ def do_job(
 
 
 def _loaded(
-    method: str, n: int, checkpoint: str, trust: Sequence[str], baseline: Mapping[str, Any] | None
+    method: str, n: int, checkpoint: str, trust: Sequence[str], reduce: int, baseline: Mapping[str, Any] | None
 ) -> Callable[..., Any]:
     """Load a method and return it as a function of a frame's colours, depth and camera."""
     if method == "ours":
         from sgbd.segmenter import Segmenter
 
-        return Segmenter.load(checkpoint, trust=trust).segment
+        return Segmenter.load(checkpoint, trust=trust, reduce=reduce).segment
     from sgbd.frame import Frame
 
     chosen: Callable[[Frame], Any]

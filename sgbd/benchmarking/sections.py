@@ -299,6 +299,7 @@ class Benchmark:
             "count": count,
             "checkpoint": str(checkpoint),
             "trust": list(trusted_packages(self.config)),
+            "reduce": self.config.reduce,
             "torch_threads": self.config.torch_threads,
             "numba_apart": numba_apart,
         }

@@ -6,6 +6,8 @@ import copy
 from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
+
 from sgbd.benchmarking.frames import RawFrame
 from sgbd.benchmarking.timing import Stopwatch
 from sgbd.features import Geometry, edge_features, node_features
@@ -40,7 +42,8 @@ def segment_in_stages(segmenter: Segmenter, raw: RawFrame, stopwatch: Stopwatch)
         The segmentation.
     """
     with stopwatch.step("validation"):
-        frame = Frame(raw.rgb, raw.depth, raw.intrinsics)  # type: ignore[arg-type]
+        whole = Frame(raw.rgb, raw.depth, raw.intrinsics)  # type: ignore[arg-type]
+        frame = segmenter.reduced(whole)
     with stopwatch.step("superpixels"):
         label_map = segmenter.superpixels(frame)
     with stopwatch.step("graph"):
@@ -50,7 +53,7 @@ def segment_in_stages(segmenter: Segmenter, raw: RawFrame, stopwatch: Stopwatch)
     with stopwatch.step("partition"):
         segments = partition_graph(data, classification, segmenter.partition, segmenter.rule, segmenter.calibration)
     with stopwatch.step("painting"):
-        return paint(node_map(label_map, data), data, classification, segments)
+        return paint(segmenter.enlarged(node_map(label_map, data), whole), data, classification, segments)
 
 
 def measure_stages(segmenter: Segmenter, frames: list[RawFrame], repeats: Iterable[int]) -> Stopwatch:
@@ -71,8 +74,9 @@ def measure_stages(segmenter: Segmenter, frames: list[RawFrame], repeats: Iterab
     def once(raw: RawFrame, stopwatch: Stopwatch) -> None:
         with stopwatch.step(WHOLE):
             segmenter.segment(raw.rgb, raw.depth, raw.intrinsics)
-        superpixels = segment_in_stages(segmenter, raw, stopwatch).superpixels
-        frame = Frame(raw.rgb, raw.depth, raw.intrinsics)  # type: ignore[arg-type]
+        found = segment_in_stages(segmenter, raw, stopwatch)
+        frame = segmenter.reduced(Frame(raw.rgb, raw.depth, raw.intrinsics))  # type: ignore[arg-type]
+        superpixels = np.ascontiguousarray(found.superpixels[:: segmenter.reduce, :: segmenter.reduce])
         for name, single in singles.items():
             with stopwatch.step(f"- {name}"):
                 single(frame)

@@ -22,7 +22,7 @@ from sgbd.superpixels import Slic
 from tests.benchmarking.configured import small_benchmark
 
 
-@pytest.mark.parametrize("overrides", [[], ["features=all", "model=gated_gcn", "partition=multicut"]])
+@pytest.mark.parametrize("overrides", [[], ["features=all", "model=gated_gcn", "partition=multicut"], ["reduce=2"]])
 def test_the_stages_are_what_the_segmenter_does(overrides):
     raw, stopwatch = made_up_scene(64, 48, 0), Stopwatch()
     with small_benchmark(*overrides) as config:
