@@ -28,6 +28,9 @@ from sgbd.machine.workers import pythons_start_method
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as in shells (128 + SIGINT)."""
 
+MULTIRUN = ("-m", "--multirun")
+"""Hydra's option for a sweep."""
+
 LISTS_OF_NAMES = ("trust", "splits", "sections")
 """Keys of commands that are lists of names; for a single name, the brackets can be left out."""
 
@@ -123,6 +126,8 @@ def entry_point(config_name: str) -> Callable[[Callable[[DictConfig], Any]], Cal
 
         @functools.wraps(task)
         def run() -> None:
+            # Otherwise, Hydra rejects an -m between two overrides.
+            sys.argv[1:] = sorted(sys.argv[1:], key=lambda argument: argument not in MULTIRUN)
             try:
                 launch()
             except KeyboardInterrupt:

@@ -334,6 +334,13 @@ def test_expected_errors_are_printed_without_a_traceback(program):
     assert "did you mean" not in stderr, "every key exists"
 
 
+def test_the_option_for_sweeps_may_stand_anywhere(program):
+    process = program("on_error=fail", "-m", "workers=0,1")
+    _, stderr = process.communicate(timeout=300)
+    assert "unrecognized arguments" not in stderr
+    assert "what it is\nand what to do\n" in stderr
+
+
 def test_the_traceback_can_be_asked_for(program):
     process = program("on_error=fail", HYDRA_FULL_ERROR="1")
     assert "Traceback" in process.communicate(timeout=300)[1]
