@@ -11,6 +11,7 @@ from sgbd.sources.mosd import Mosd
 from sgbd.sources.ocid import Ocid
 from sgbd.sources.osd import Osd
 from sgbd.sources.point_cloud import PointCloud, read_point_cloud
+from sgbd.sources.reduced import Reduced
 from sgbd.sources.source import FrameSource
 from sgbd.sources.tod import Tod
 from sgbd.sources.tum_recording import TumRecording
@@ -33,6 +34,7 @@ __all__ = [
     "Ocid",
     "Osd",
     "PointCloud",
+    "Reduced",
     "Tod",
     "TumRecording",
     "VideoPair",

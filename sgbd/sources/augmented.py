@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sgbd.frame import Frame
+from sgbd.sources.derived import Derived
 from sgbd.sources.source import FrameSource
 
 if TYPE_CHECKING:
     from sgbd.frame_augmentation import FrameAugmentation
 
 
-class Augmented(FrameSource):
+class Augmented(Derived):
     """The frames of a dataset plus, for training, augmented copies of each; for datasets too small to train on.
 
     A copy depends only on its frame's name, its number and the seed, and therefore not on the number of workers or the
@@ -46,44 +47,17 @@ class Augmented(FrameSource):
     ) -> None:
         if copies < 0 or seed < 0:
             raise ValueError(f"copies and seed must not be negative; got copies={copies}, seed={seed}")
-        self.source = source(split=split)
+        super().__init__(source(split=split))
         self.augmentation = augmentation
-        self.split = self.source.split
         self.copies = copies if self.split == "train" else 0
         self.seed = seed
         self._asked = copies
-
-    @property
-    def category_names(self) -> tuple[str, ...]:  # type: ignore[override]
-        """All categories of the underlying dataset."""
-        return self.source.category_names
-
-    @property
-    def seen(self) -> frozenset[str]:  # type: ignore[override]
-        """The categories that occur in training frames."""
-        return self.source.seen
-
-    @property
-    def root(self) -> Path | None:
-        """Folder of the underlying dataset, if it has one."""
-        return getattr(self.source, "root", None)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Name of each frame, followed by the names of its copies: NAME~1, NAME~2."""
         endings = ["", *(f"~{number}" for number in range(1, self.copies + 1))]
         return tuple(name + ending for name in self.source.names for ending in endings)
-
-    @property
-    def splits(self) -> tuple[str, ...]:
-        """The splits of the underlying dataset."""
-        return self.source.splits
-
-    def generate(self, workers: int = 0, progress: bool = True) -> None:
-        """Generate the underlying dataset, if it is a synthetic one."""
-        make = getattr(self.source, "generate", None)
-        if make is not None:
-            make(workers=workers, progress=progress)
 
     def files(self, index: int) -> tuple[Path, ...]:
         """Return the files of frame `index`; those of the original if the frame is a copy."""
@@ -104,7 +78,5 @@ class Augmented(FrameSource):
         # Imported here to avoid a circular import.
         from sgbd.recipe import describe
 
-        kind = type(self.source)
-        source = {"_target_": f"{kind.__module__}.{kind.__qualname__}", **self.source.options()}
         changes = describe(self.augmentation, "augmentation")
-        return {"copies": self._asked, "seed": self.seed, "augmentation": changes, "source": source}
+        return {"copies": self._asked, "seed": self.seed, "augmentation": changes, **super().options()}
