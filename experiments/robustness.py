@@ -3,7 +3,7 @@
     python experiments/robustness.py checkpoint=pretrained dataset=mosd dataset.root=FOLDER
 
 Prints overlap F, F@.75 and boundary F (`unaided`, per cent) for each change of the frames, and their mean over all
-changes. All arguments are overrides of conf/evaluate.yaml.
+changes; then for frames segmented at half their size (`reduce=2`). All arguments are overrides of conf/evaluate.yaml.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from sgbd.jobs.pipeline import frame_source_of_split
 from sgbd.label_map_evaluation import score_label_map
 from sgbd.machine.progress_bar import ProgressBar
 from sgbd.segmenter import Segmenter
+from sgbd.sources import FrameSource
 
 SCORES = {"F": "overlap_f", "F@.75": "f75", "boundary F": "boundary_f"}
 
@@ -103,24 +104,32 @@ CHANGES: Mapping[str, Change] = {
     "1.5 times as large and as far": partial(distant, factor=1.5),
 }
 
+REDUCED = ("none", "twice the width and height")
+"""Changes that are also scored with frames segmented at half their size."""
+
+
+def scored(change: Change, name: str, segmenter: Segmenter, source: FrameSource) -> dict[str, float]:
+    """Score a model on all frames after a change; return `SCORES` by title, per cent."""
+    found = []
+    for index in ProgressBar(range(len(source)), name, unit="frame", leave=False):
+        frame = change(source[index], np.random.default_rng(index))
+        judged = score_label_map(segmenter.segment_frame(frame).instances, frame, decides_objects=True)
+        found.append(judged.scores)
+    scores = mean_scores(found, source.seen).scores
+    return {title: 100 * scores[f"unaided/{key}"] for title, key in SCORES.items()}
+
 
 def main() -> None:
     """Print the table."""
     with initialize_config_dir(str(config_folder()), version_base="1.3"):
         config = compose("evaluate", sys.argv[1:])
-    segmenter = Segmenter(Checkpoint.load(find_checkpoint(config.checkpoint, config.output_dir), tuple(config.trust)))
+    checkpoint = Checkpoint.load(find_checkpoint(config.checkpoint, config.output_dir), tuple(config.trust))
+    segmenter, reducing = Segmenter(checkpoint), Segmenter(checkpoint, reduce=2)
     source = frame_source_of_split(config.dataset, count_workers(config.workers), config.split)
-    rows = {}
-    for name, change in CHANGES.items():
-        found = []
-        for index in ProgressBar(range(len(source)), name, unit="frame", leave=False):
-            frame = change(source[index], np.random.default_rng(index))
-            scored = score_label_map(segmenter.segment_frame(frame).instances, frame, decides_objects=True)
-            found.append(scored.scores)
-        scores = mean_scores(found, source.seen).scores
-        rows[name] = {title: 100 * scores[f"unaided/{key}"] for title, key in SCORES.items()}
-    table = pd.DataFrame(rows).T
+    table = pd.DataFrame({name: scored(change, name, segmenter, source) for name, change in CHANGES.items()}).T
     table.loc["**mean of all changes**"] = table.drop(index="none").mean()
+    for name in REDUCED:
+        table.loc[f"{name}, `reduce=2`"] = scored(CHANGES[name], name, reducing, source)
     table.index.name = "change"
     print(table.to_markdown(floatfmt=".1f"))
 
