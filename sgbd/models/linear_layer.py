@@ -11,8 +11,13 @@ from functools import cache
 import torch
 from torch import Tensor
 
-LARGE = 2**20
-"""Number of multiplications from which oneDNN is faster; its calls take some 10 µs longer than MKL's."""
+ROW_STEP = 256
+"""oneDNN computes only multiples of this number of rows: for each number, it compiles loops, which take half a
+millisecond, and half a MiB as long as the process lives."""
+
+LARGE = 2**23
+"""Number of multiplications from which oneDNN is used. Its first call takes 5 MiB, and every call some 10 µs more than
+MKL's, so narrow layers gain little."""
 
 
 @cache
@@ -28,8 +33,6 @@ def has_wide_vectors() -> bool:
 def linear_layer(rows: Tensor, weight: Tensor, bias: Tensor, relu: bool, out: Tensor | None) -> Tensor:
     """Apply a linear layer, followed by a ReLU if asked for.
 
-    The first call with a new number of rows may take half a millisecond longer: oneDNN compiles a loop for it.
-
     Args:
         rows: float32 [R, I], contiguous.
         weight: float32 [O, I], contiguous.
@@ -41,7 +44,8 @@ def linear_layer(rows: Tensor, weight: Tensor, bias: Tensor, relu: bool, out: Te
     Returns:
         float32 [R, O].
     """
-    if out is not None and rows.size(0) * weight.numel() >= LARGE and has_wide_vectors():
+    count = rows.size(0)
+    if out is not None and count % ROW_STEP == 0 and count * weight.numel() >= LARGE and has_wide_vectors():
         product: Tensor = torch.ops.mkldnn._linear_pointwise(rows, weight, bias, "relu" if relu else "none", [], "")
         return product
     product = torch.addmm(bias, rows, weight.t(), out=out)

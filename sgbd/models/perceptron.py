@@ -12,15 +12,12 @@ from torch import Tensor, nn
 from torch.nn.functional import batch_norm, dropout, linear
 
 from sgbd.machine.reused_memory import reused
-from sgbd.machine.side_by_side import side_by_side, thread_count
+from sgbd.machine.side_by_side import bands, side_by_side, thread_count
 from sgbd.models.in_evaluation import can_be_overwritten, scale_and_shift
-from sgbd.models.linear_layer import linear_layer
+from sgbd.models.linear_layer import ROW_STEP, linear_layer
 
-ROWS_AT_ONCE = 768
+ROWS_AT_ONCE = 512
 """Maximum number of rows that go through all layers together: their states fit into the caches of common processors."""
-
-ROW_STEP = 32
-"""The number of rows that go through all layers together is a multiple of this, unless there are few rows."""
 
 TOO_FEW_TO_SHARE = 128
 """Up to this many rows are computed in less time than a second thread needs to start."""
@@ -206,24 +203,29 @@ class TurnedMemory:
 
 
 def equal_blocks(count: int) -> list[tuple[slice, int]]:
-    """Cut rows into blocks of equal size, as few as `ROWS_AT_ONCE` allows, but an even number for two threads.
+    """Cut rows into blocks of about equal size, as few as `ROWS_AT_ONCE` allows, but an even number for two threads.
 
-    The sizes of blocks are multiples of `ROW_STEP`, so that graphs of all sizes share a few: a library may compile its
-    loops for each. The last block therefore begins with some rows of the block before. The blocks do not depend on the
-    number of threads, because their limits may affect rounding.
+    Unless there are few rows, sizes are multiples of `ROW_STEP`, and the last block may therefore begin with rows of
+    the block before. The blocks do not depend on the number of threads, because their limits may affect rounding.
 
     Args:
         count: Number of rows.
 
     Returns:
-        For each block, its rows, and how many of them the blocks before it contain.
+        For each block, its rows, and how many of them the block before it contains.
     """
     if count <= TOO_FEW_TO_SHARE:
         return [(slice(0, count), 0)]
-    number = 2 * -(-count // (2 * ROWS_AT_ONCE))
-    size = -(-count // (number * ROW_STEP)) * ROW_STEP
-    ends = [min(start + size, count) for start in range(0, count, size)]
-    return [(slice(end - size, end), place * size - (end - size)) for place, end in enumerate(ends)]
+    if count <= 2 * ROW_STEP:
+        return [(slice(*band), 0) for band in bands(count, 2)]
+    steps = -(-count // ROW_STEP)
+    number = 2 * -(-steps * ROW_STEP // (2 * ROWS_AT_ONCE))
+    blocks = []
+    for first, last in bands(steps, number):
+        stop = min(last * ROW_STEP, count)
+        start = stop - (last - first) * ROW_STEP
+        blocks.append((slice(start, stop), first * ROW_STEP - start))
+    return blocks
 
 
 def _through(layers: Sequence[tuple[Tensor, Tensor, bool]], rows: Tensor, memory: TurnedMemory) -> Tensor:

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sgbd.machine.compiled import compiled
+from sgbd.machine.reused_memory import reused
 from sgbd.superpixels.local_k_means import Planes
 
 # Linear sRGB to XYZ, relative to the white point D65 (2 degrees).
@@ -44,6 +45,29 @@ def gaussian_weights(sigma: float) -> npt.NDArray[np.float32]:
     radius = int(TRUNCATE * sigma + 0.5)
     weights = np.exp(-0.5 * (np.arange(radius + 1) / max(sigma, 1e-6)) ** 2)
     return (weights / (weights[0] + 2 * weights[1:].sum())).astype(np.float32)
+
+
+def color_memory(shape: tuple[int, int]) -> Planes:
+    """Return memory for the colours of an image of this height and width before smoothing, float32 [3, H, W]."""
+    planes: Planes = reused("lab", (3, *shape), np.float32)
+    return planes
+
+
+def label_memory(shape: tuple[int, int], count: int, used: Planes) -> list[npt.NDArray[np.int32]]:
+    """Return memory for label maps: that of the colours before smoothing, unless they are still used.
+
+    Args:
+        shape: Height and width of the image, pixels.
+        count: Number of label maps, at most 3.
+        used: The planes that are still used.
+
+    Returns:
+        int32 [H, W], uninitialised, for each label map; the next call returns the same memory.
+    """
+    free = color_memory(shape)
+    if np.may_share_memory(free, used):
+        free = reused("labels", free.shape, np.float32)
+    return list(free.view(np.int32)[:count])
 
 
 def lab_jobs(

@@ -12,7 +12,7 @@ from sgbd.frame import Frame
 from sgbd.machine.compiled import HAS_NUMBA
 from sgbd.machine.reused_memory import reused
 from sgbd.machine.side_by_side import bands, side_by_side, thread_count
-from sgbd.superpixels.feature_planes import gaussian_weights, lab_jobs, smoothing_jobs
+from sgbd.superpixels.feature_planes import color_memory, gaussian_weights, lab_jobs, label_memory, smoothing_jobs
 from sgbd.superpixels.fragments import connected_superpixels
 from sgbd.superpixels.local_k_means import Cells, batches
 from sgbd.superpixels.region_merging import merge_alike
@@ -115,7 +115,7 @@ class PlaneSlic:
         planes = reused("slanted", (PLANES, height, width), np.float32)
         weights = gaussian_weights(self.rgb_sigma)
         smoothed = len(weights) > 1
-        lab = reused("lab", (3, height, width), np.float32) if smoothed else planes[:3]
+        lab = color_memory((height, width)) if smoothed else planes[:3]
         depth_scale = np.float32(1 / self.depth_noise)
         jobs = lab_jobs(frame.rgb, self.compactness, lab, rows)
         jobs += [partial(write_inverse_depth, frame.depth, depth_scale, planes[DISPARITY], *band) for band in rows]
@@ -129,7 +129,7 @@ class PlaneSlic:
         _, height, width = planes.shape
         cells = Cells.grid(height, width, self.n_cells)
         forms = cluster(planes, cells, self.iterations, self.subsample, threads)
-        labels = reused("labels_0", (height, width), np.int32)
+        (labels,) = label_memory((height, width), 1, planes)
         side_by_side(
             [
                 partial(assign, planes, batches(cells, *band), cells.near, forms, *work_space(cells), labels)

@@ -16,8 +16,10 @@ from sgbd.machine.reused_memory import reused
 from sgbd.machine.side_by_side import bands, side_by_side, thread_count
 from sgbd.superpixels.feature_planes import (
     FARTHEST,
+    color_memory,
     gaussian_weights,
     lab_jobs,
+    label_memory,
     smoothing_jobs,
     unweighted,
     write_depth,
@@ -125,7 +127,7 @@ class FastSlic(Slic):
         forms = run(
             [partial(cluster, planes, cells, weighted, self.iterations, self.subsample) for planes, weighted in images]
         )
-        labels = [reused(f"labels_{k}", (height, width), np.int32) for k in range(len(images))]
+        labels = label_memory((height, width), len(images), images[0][0])
         run(
             [
                 partial(assign, planes, batches(cells, *band), cells.near, form, *work_space(cells), label)
@@ -140,7 +142,7 @@ class FastSlic(Slic):
         shape = (3, frame.height, frame.width)
         images, jobs = [], []
         if self.rgb:
-            lab = reused("lab", shape, np.float32)
+            lab = color_memory(shape[1:])
             images.append((lab, False))
             jobs += lab_jobs(frame.rgb, self.rgb_compactness, lab, self._bands(frame.height))
         if self.depth:

@@ -2,9 +2,10 @@ import pytest
 import torch
 
 from sgbd.models import linear_layer as module
-from sgbd.models.linear_layer import LARGE, has_wide_vectors, linear_layer
+from sgbd.models.linear_layer import LARGE, ROW_STEP, has_wide_vectors, linear_layer
 
-ROWS, INPUTS, OUTPUTS = 256, 64, 128  # more than LARGE multiplications
+ROWS, INPUTS, OUTPUTS = ROW_STEP, 128, 256
+assert ROWS * INPUTS * OUTPUTS >= LARGE
 
 
 def layer(rows: int = ROWS) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
@@ -34,7 +35,6 @@ def test_every_library_computes_the_layer(relu: bool, rows: int, wide: bool, mon
 
 def test_without_memory_gradients_flow() -> None:
     states, weight, bias = layer()
-    assert states.numel() * OUTPUTS >= LARGE
     weight.requires_grad_()
     linear_layer(states, weight, bias, True, None).sum().backward()
     positive = (states @ weight.detach().t() + bias > 0).float()
