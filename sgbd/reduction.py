@@ -10,6 +10,12 @@ from sgbd.adjacency import LabelMap
 from sgbd.frame import Frame, FrameError, Intrinsics
 
 
+def check_factor(name: str, factor: object) -> None:
+    """Raise a ValueError if the factor, given as the argument `name`, is not a positive integer."""
+    if isinstance(factor, bool) or not isinstance(factor, int) or factor < 1:
+        raise ValueError(f"{name} must be a positive integer, 2 for half the width and height; got {factor!r}")
+
+
 def reduced(frame: Frame, factor: int) -> Frame:
     """Reduce a frame.
 

@@ -22,7 +22,7 @@ from sgbd.machine.torch_threads import torch_threads
 from sgbd.node_block import NodeBlock, required_block, split_groups
 from sgbd.own_columns import with_own_columns
 from sgbd.partition import Partitioner
-from sgbd.reduction import enlarged, reduced
+from sgbd.reduction import check_factor, enlarged, reduced
 from sgbd.repaint import node_map
 from sgbd.segmentation import ObjectRule, Segmentation, classify, paint, partition_graph
 from sgbd.superpixels import Superpixels
@@ -52,8 +52,9 @@ class Segmenter:
             that can be split runs in parallel threads instead (`sgbd.machine.side_by_side`), as it does for superpixels
             and graphs.
         trust: Names of packages besides `sgbd` whose classes the recipe may name.
-        reduce: Frames are segmented at this fraction of their width and height, 2 for a half; results have full size.
-            Models work best, and faster, at about the width of the frames that they were trained on.
+        reduce: Frames are segmented at this fraction of their width and height, 2 for a half, which is faster. Maps
+            have full size, but the object rule counts pixels of the reduced frame. Models work best at about the size
+            of the frames that they were trained on.
 
     Raises:
         sgbd.checkpoint.CheckpointError: If a class of the recipe is missing or not trusted, or `node_block` does not
@@ -78,8 +79,7 @@ class Segmenter:
         self.recipe = recipe
         self.device = _usable_device(device)
         self.threads = threads
-        if isinstance(reduce, bool) or not isinstance(reduce, int) or reduce < 1:
-            raise ValueError(f"reduce must be a positive integer, 2 for half the width and height; got {reduce!r}")
+        check_factor("reduce", reduce)
         self.reduce = reduce
         self.superpixels: Superpixels = instantiate(recipe.get("superpixels"), object, trust)  # type: ignore[assignment]
         self.graph: GraphBuilder = instantiate(recipe.get("graph"), object, trust)  # type: ignore[assignment]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from sgbd.frame import Frame
-from sgbd.reduction import reduced
+from sgbd.reduction import check_factor, reduced
 from sgbd.sources.derived import Derived
 from sgbd.sources.source import FrameSource
 
@@ -24,8 +24,7 @@ class Reduced(Derived):
     """
 
     def __init__(self, source: Callable[..., FrameSource], split: str = "test", factor: int = 2) -> None:
-        if isinstance(factor, bool) or not isinstance(factor, int) or factor < 1:
-            raise ValueError(f"factor must be a positive integer, 2 for half the width and height; got {factor!r}")
+        check_factor("factor", factor)
         super().__init__(source(split=split))
         self.factor = factor
 

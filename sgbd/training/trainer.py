@@ -169,8 +169,9 @@ class Trainer:
         precision: Fabric's name of the precision, such as `32-true` or `bf16-mixed`.
         matmul_precision: PyTorch's name of the precision of float32 matrix products in training steps: `highest`,
             `high` or `medium`. Processors with matrix units (tensor cores, AMX) round the factors at lower precisions.
-            Others compute as precisely at `medium`, but by another library, which takes half as long on AMD's
-            processors with AVX-512.
+            Others compute as precisely at `medium`, but by another library (oneDNN), which takes half as long on AMD's
+            processors with AVX-512. It keeps compiled loops for a thousand sizes of matrices: up to some 500 MiB if
+            the products have as many rows as a batch has nodes or edges, as in message passing.
         log_every: Number of steps between two log entries of the loss.
         progress: Whether to show a progress bar.
     """
