@@ -24,12 +24,12 @@ from sgbd.adjacency import LabelMap, Pairs
 from sgbd.checkpoint import Checkpoint, CheckpointError
 from sgbd.features import NODE_NAMES
 from sgbd.frame import Frame
-from sgbd.graph import as_data
+from sgbd.graph import GraphBuilder, as_data
 from sgbd.graph_arrays import GraphArrays, graph_arrays
 from sgbd.machine.compiled import HAS_NUMBA, compiled
 from sgbd.machine.torch_threads import torch_threads
 from sgbd.partition import GreedyMulticut
-from sgbd.regions import Regions, region_and_border_sums
+from sgbd.regions import Regions, merged_sums, region_and_border_sums
 from sgbd.repaint import repaint
 from sgbd.segmentation import Classification, classify
 from sgbd.segmenter import Segmenter
@@ -187,7 +187,8 @@ class AgglomeratedGraph:
                 "give graph.first_stage=<checkpoint.safetensors>"
             )
         first = self._segmenter
-        fine = first.graph_tensors(frame, label_map)
+        fine_sums = region_and_border_sums(frame, label_map)
+        fine = first.graph_tensors(frame, label_map, fine_sums if isinstance(first.graph, GraphBuilder) else None)
         with torch_threads(first.threads):
             said = classify(first.model, first.objectness, fine)
         pairs, length, area = (field.cpu().numpy() for field in (fine.edge_label_index, fine.border_length, fine.area))
@@ -208,7 +209,7 @@ class AgglomeratedGraph:
         keys = np.concatenate([(ends[0] * count + ends[1])[ends[0] != ends[1]], i[near] * count + j[near]])
         joined = np.stack(np.divmod(np.unique(keys), count))
 
-        sums = region_and_border_sums(frame, coarse_map)
+        sums = merged_sums(fine_sums, segment)
         graph = graph_arrays(frame, coarse_map, lambda _: joined, category_names, store_maps=store_maps, sums=sums)
         x, edge_attr, wanted = (np.asarray(graph[field]) for field in ("x", "edge_attr", "edge_label_index"))
         forth = np.concatenate(

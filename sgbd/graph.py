@@ -10,6 +10,7 @@ from sgbd.adjacency import Adjacency, LabelMap, border_pairs
 from sgbd.features import EDGE_NAMES, NODE_NAMES
 from sgbd.frame import Frame
 from sgbd.graph_arrays import CUT, MERGE, UNKNOWN, GraphArrays, graph_arrays, overlap_table
+from sgbd.regions import Borders, Regions
 
 if TYPE_CHECKING:  # imported in the functions that need them: importing PyG takes seconds and hundreds of MiB
     import networkx as nx
@@ -44,10 +45,16 @@ class GraphBuilder:
         self.adjacency: Adjacency = adjacency.func if bare else adjacency  # type: ignore[attr-defined]
 
     def arrays(
-        self, frame: Frame, label_map: LabelMap, category_names: Sequence[str] = (), *, store_maps: bool = True
+        self,
+        frame: Frame,
+        label_map: LabelMap,
+        category_names: Sequence[str] = (),
+        *,
+        store_maps: bool = True,
+        sums: tuple[Regions, Borders] | None = None,
     ) -> GraphArrays:
         """Build the graph of a frame without PyTorch; see `sgbd.graph_arrays.graph_arrays`."""
-        return graph_arrays(frame, label_map, self.adjacency, category_names, store_maps=store_maps)
+        return graph_arrays(frame, label_map, self.adjacency, category_names, store_maps=store_maps, sums=sums)
 
     def __call__(
         self, frame: Frame, label_map: LabelMap, category_names: Sequence[str] = (), *, store_maps: bool = True

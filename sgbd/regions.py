@@ -94,6 +94,31 @@ def region_and_border_sums(frame: Frame, label_map: LabelMap) -> tuple[Regions, 
     return Regions(regions, nearest, farthest), Borders(np.stack([keys // count, keys % count]), borders)
 
 
+def merged_sums(sums: tuple[Regions, Borders], segment: npt.NDArray[np.int64]) -> tuple[Regions, Borders]:
+    """Return the sums of segments of superpixels, without another pass over the pixels.
+
+    Args:
+        sums: The sums of the superpixels, from `region_and_border_sums`.
+        segment: int64 [N], the segment of each superpixel, 0..S-1, each present.
+
+    Returns:
+        What `region_and_border_sums` returns for the map of the segments, up to rounding.
+    """
+    regions, borders = sums
+    count = int(segment.max()) + 1
+    columns = [np.bincount(segment, column, count).astype(np.float64) for column in regions.sums.T]
+    ends = np.sort(segment[borders.pairs], axis=0)
+    between = ends[0] != ends[1]
+    keys, place = np.unique(ends[0, between] * count + ends[1, between], return_inverse=True)
+    apart = borders.sums[between]
+    merged = np.stack([np.bincount(place, column, len(keys)).astype(np.float64) for column in apart.T], axis=1)
+    smallest = np.full(len(keys), np.inf)
+    np.minimum.at(smallest, place, np.where(apart[:, VALID_PAIRS] > 0, apart[:, DEPTH_STEP_MIN], np.inf))
+    merged[:, DEPTH_STEP_MIN] = np.where(np.isfinite(smallest), smallest, 0.0)
+    of_segments = Regions(np.stack(columns, axis=1), regions.nearest, regions.farthest)
+    return of_segments, Borders(np.stack(np.divmod(keys, count)), merged)
+
+
 def _sums(
     label_map: LabelMap,
     rgb: npt.NDArray[np.uint8],

@@ -23,6 +23,7 @@ from sgbd.node_block import NodeBlock, required_block, split_groups
 from sgbd.own_columns import with_own_columns
 from sgbd.partition import Partitioner
 from sgbd.reduction import check_factor, enlarged, reduced
+from sgbd.regions import Borders, Regions
 from sgbd.repaint import node_map
 from sgbd.segmentation import ObjectRule, Segmentation, classify, paint, partition_graph
 from sgbd.superpixels import Superpixels
@@ -213,12 +214,16 @@ class Segmenter:
         ]
         return data
 
-    def graph_tensors(self, frame: Frame, label_map: LabelMap) -> GraphTensors | Data:
+    def graph_tensors(
+        self, frame: Frame, label_map: LabelMap, sums: tuple[Regions, Borders] | None = None
+    ) -> GraphTensors | Data:
         """Build the graph of a frame, without PyG if builder and networks belong to this package.
 
         Args:
             frame: The frame.
             label_map: int32 [H, W], its superpixels.
+            sums: What `sgbd.regions.region_and_border_sums` returns for them, for a `GraphBuilder`, which would compute
+                them; None otherwise.
 
         Returns:
             The graph of `build_graph`: as plain tensors, or as `Data` if the builder or a network is user-defined or
@@ -228,7 +233,8 @@ class Segmenter:
         build = array_builder(self.graph)
         if build is None or self.node_block is not None or not all(map(_reads_fields_only, networks)):
             return self.build_graph(frame, label_map)
-        arrays = build(frame, label_map, store_maps=False)
+        known = {} if sums is None else {"sums": sums}
+        arrays = build(frame, label_map, store_maps=False, **known)
         # PyTorch's threads go on spinning after a small operation, on the cores that the loops of others need.
         with torch_threads(self.threads):
             return GraphTensors(arrays, self._node_columns, self._edge_columns)

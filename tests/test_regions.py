@@ -51,6 +51,19 @@ def test_compiled_sums_equal_numpy(label_map: npt.NDArray[np.int32], data: st.Da
     np.testing.assert_allclose(fast[3][order], borders, rtol=1e-9, atol=1e-9)
 
 
+@given(label_maps(), st.data())
+def test_sums_of_segments_are_those_over_their_pixels(label_map: npt.NDArray[np.int32], data: st.DataObject) -> None:
+    frame, count = _frame_of(label_map, data), int(label_map.max()) + 1
+    named = data.draw(st.lists(st.integers(0, 3), min_size=count, max_size=count))
+    segment = np.unique(named, return_inverse=True)[1].astype(np.int64)
+    merged = regions.merged_sums(regions.region_and_border_sums(frame, label_map), segment)
+    expected = regions.region_and_border_sums(frame, segment[label_map].astype(np.int32))
+    np.testing.assert_allclose(merged[0].sums, expected[0].sums, rtol=1e-9, atol=1e-9)
+    assert (merged[0].nearest, merged[0].farthest) == (expected[0].nearest, expected[0].farthest)
+    assert merged[1].pairs.tolist() == expected[1].pairs.tolist()
+    np.testing.assert_allclose(merged[1].sums, expected[1].sums, rtol=1e-9, atol=1e-9)
+
+
 def test_more_borders_than_connected_regions_can_have() -> None:
     # Randomly scattered ids: 40 "regions" with 780 pairs, more than the initial capacity of the table.
     rng = np.random.default_rng(0)
