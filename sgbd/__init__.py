@@ -2,7 +2,8 @@
 
 Where to find what:
 
-- Frames: `frame`, the readers and the synthetic dataset in `sources`, and `frame_augmentation`.
+- Frames: `frame`, the readers and the synthetic dataset in `sources`, `frame_augmentation`, and `reduction` to a
+  fraction of their size.
 - The graph of a frame: `superpixels`, `adjacency`, `regions` (one pass over the pixels), `features`, `graph_arrays`
   (NumPy), `graph` (PyG). The graph of a second stage: `agglomeration`, `own_columns`. Extra node features:
   `node_block`, `dino`.

@@ -165,7 +165,6 @@ def _peak(config: DictConfig, name: str, frames: list[RawFrame], is_model: bool)
             "count": MEMORY_FRAMES,
             "checkpoint": str(find_checkpoint(config.checkpoints[name], config.output_dir)) if is_model else "",
             "trust": list(config.trust),
-            "reduce": 1,
             "torch_threads": 1,
             "baseline": None if is_model else OmegaConf.to_container(config.baseline[name], resolve=True),
         }

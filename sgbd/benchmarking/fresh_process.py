@@ -78,10 +78,10 @@ def do_job(
     count: int,
     checkpoint: str,
     trust: Sequence[str],
-    reduce: int,
     torch_threads: int,
     baseline: Mapping[str, Any] | None = None,
     numba_apart: bool = False,
+    reduce: int = 1,
 ) -> dict[str, Any]:
     """Import the package, load a method and segment frames, while measuring time and memory.
 
@@ -92,10 +92,10 @@ def do_job(
         count: Number of frames to segment, cycling through those in the file.
         checkpoint: Checkpoint file, for `ours`.
         trust: Packages whose classes the checkpoint may name.
-        reduce: Factor by which `ours` reduces the frames.
         torch_threads: Number of threads of PyTorch operations.
         baseline: Configuration of a baseline (`sgbd.baselines`).
         numba_apart: Call a small compiled function before the first frame, to measure the start of Numba separately.
+        reduce: Factor by which `ours` reduces the frames.
 
     Returns:
         Wall and processor time (seconds) of the imports and of each frame; seconds for loading the model; resident
